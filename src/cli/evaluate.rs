@@ -8,7 +8,7 @@ use crate::control::{Propagation, Residual, RollOut};
 use crate::residual::{LambdaChoice, Regressors, TrainConfig};
 use crate::simulate::DriveFor;
 use crate::simulate::experiment::{
-    Compared, ComparisonFor, Condition, DriveMetrics, Effort, FitMetrics, Predictor, Roads, RowFit,
+    Compared, ComparisonFor, Condition, DriveMetrics, Edge, Effort, FitMetrics, Predictor, Roads, RowFit,
     RowResult, SweepPoint, TableRow, TestPlant, sweep,
 };
 use crate::vehicle::VehicleParameters as _;
@@ -177,32 +177,48 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
     let out = folder(args);
     let _held = hold_folder(&out)?;
     let vehicle: P::Parameters = vehicle_named(&args.vehicle)?;
+    let evaluator = Evaluator::<P, S, C> { args, rows, effort, out, vehicle };
     for (plant, noise) in conditions {
+        evaluator.condition(plant, noise)?;
+    }
+    if args.sweep && args.join.is_none() {
+        evaluator.sweep()?;
+    }
+    Ok(())
+}
+
+/// The comparison, condition by condition.
+struct Evaluator<'a, P: Compared<S, C>, const S: usize, const C: usize> {
+    args: &'a EvaluateArgs,
+    rows: Vec<TableRow>,
+    effort: Effort,
+    out: PathBuf,
+    vehicle: P::Parameters,
+}
+
+impl<P: Compared<S, C>, const S: usize, const C: usize> Evaluator<'_, P, S, C> {
+    /// Runs the rows that a condition's file lacks, and puts them there.
+    fn condition(&self, plant: &TestPlant, noise: bool) -> Result<(), Box<dyn Error>> {
+        let (args, setting) = (self.args, P::SETTING);
         let name = format!("{}{}", plant.name, if noise { "_noise" } else { "" });
-        let file = out.join(format!("{name}.json"));
-        let there = ResultsFile::read(&file, vehicle.name(), &effort)?;
+        let file = self.out.join(format!("{name}.json"));
+        let there = ResultsFile::read(&file, self.vehicle.name(), &self.effort)?;
         if let Some(folder) = &args.join {
-            let other = ResultsFile::read(&folder.join(format!("{name}.json")), vehicle.name(), &effort)?;
-            if let (Some(there), Some(other)) = (there, other) {
-                results_file::write(&file, &there.join(&other, setting.rows)?)?;
-                say!("{name}: rows of {} put into {}", folder.display(), file.display());
-            } else {
-                say!("{name}: not in both folders; left as it is");
-            }
-            continue;
+            return self.join(&name, &file, there, folder);
         }
         let known: Vec<&str> = there.iter().flat_map(ResultsFile::rows).collect();
         let rows: Vec<TableRow> =
-            rows.iter().copied().filter(|row| !known.contains(&row.name().as_str())).collect();
+            self.rows.iter().copied().filter(|row| !known.contains(&row.name().as_str())).collect();
         if there.is_some() && rows.is_empty() {
             say!("{name}: there already ({}); delete the file to repeat it", file.display());
-            continue;
+            return Ok(());
         }
         let bar = progress_bar(&name, 3.0 * rows.len() as f64, args.quiet);
         bar.set_message(format!("{name}: collecting"));
         let noise = noise.then_some(setting.noise);
         let roads = Roads::new(&setting, plant)?;
-        let comparison = ComparisonFor::<P, S, C>::collect(&vehicle, plant, noise, &roads, effort.clone())?;
+        let comparison =
+            ComparisonFor::<P, S, C>::collect(&self.vehicle, plant, noise, &roads, self.effort.clone())?;
         let nominal = there.as_ref().and_then(|there| there.weights(TableRow::NOMINAL));
         let mut condition = comparison.run(&rows, nominal, &|text| {
             bar.set_message(format!("{name}: {text}"));
@@ -211,20 +227,12 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         let mut ablations = vec![];
         if plant.timed {
             bar.set_message(format!("{name}: timing"));
-            let drives = out.join(format!("drives_{name}"));
+            let drives = self.out.join(format!("drives_{name}"));
             time(&comparison, &mut condition.rows, &drives)?;
         }
         if plant.edge {
             bar.set_message(format!("{name}: the nominal's edge"));
-            // Of all rows, those that were there already too.
-            let of = |row: &TableRow| {
-                let new = condition.rows.iter().find(|result| result.row == row.name());
-                let weights = new.map(|result| result.weights).or_else(|| there.as_ref()?.weights(*row));
-                weights.map(|weights| (*row, weights))
-            };
-            let best: Vec<_> = setting.rows.iter().filter_map(of).collect();
-            condition.edges = vec![comparison.edge_of_weights(&best)?];
-            condition.edges.extend(comparison.edge_of_delay(&best)?);
+            condition.edges = edges(&comparison, &condition.rows, there.as_ref())?;
         }
         if args.ablations && noise.is_none() {
             bar.set_message(format!("{name}: ablations"));
@@ -234,27 +242,64 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         print(&condition);
         let results = Results { condition: &condition, ablations };
         match there {
-            Some(there) => results_file::write(&file, &there.with(&results, setting.rows)?)?,
-            None => results_file::write(&file, &results)?,
+            Some(there) => results_file::write(&file, &there.with(&results, setting.rows)?),
+            None => results_file::write(&file, &results),
         }
     }
-    if args.sweep && args.join.is_none() {
-        let file = out.join("sweep.json");
+
+    /// Puts the rows of another folder's file beside those of a condition's.
+    fn join(
+        &self,
+        name: &str,
+        file: &Path,
+        there: Option<ResultsFile>,
+        folder: &Path,
+    ) -> Result<(), Box<dyn Error>> {
+        let other =
+            ResultsFile::read(&folder.join(format!("{name}.json")), self.vehicle.name(), &self.effort)?;
+        if let (Some(there), Some(other)) = (there, other) {
+            results_file::write(file, &there.join(&other, P::SETTING.rows)?)?;
+            say!("{name}: rows of {} put into {}", folder.display(), file.display());
+        } else {
+            say!("{name}: not in both folders; left as it is");
+        }
+        Ok(())
+    }
+
+    /// Runs the sweep over the dead time, unless its file is there.
+    fn sweep(&self) -> Result<(), Box<dyn Error>> {
+        let file = self.out.join("sweep.json");
         if file.exists() {
             say!("sweep: there already ({}); delete the file to repeat it", file.display());
             return Ok(());
         }
-        let steps = setting.sweep.map_or(0, |sweep| sweep.dead_times.len());
-        let bar = progress_bar("sweep", steps as f64, args.quiet);
-        let points = sweep::<P, S, C>(&vehicle, args.threads, &|text| {
+        let steps = P::SETTING.sweep.map_or(0, |sweep| sweep.dead_times.len());
+        let bar = progress_bar("sweep", steps as f64, self.args.quiet);
+        let points = sweep::<P, S, C>(&self.vehicle, self.args.threads, &|text| {
             bar.set_message(format!("sweep: {text}"));
             bar.step();
         })?;
         bar.finish_and_clear();
         print_sweep(&points);
-        results_file::write(&file, &points)?;
+        results_file::write(&file, &points)
     }
-    Ok(())
+}
+
+/// Outcomes of all rows at the nominal's edge, those that were there already too.
+fn edges<P: Compared<S, C>, const S: usize, const C: usize>(
+    comparison: &ComparisonFor<'_, P, S, C>,
+    rows: &[RowResult],
+    there: Option<&ResultsFile>,
+) -> Result<Vec<Edge>, Box<dyn Error>> {
+    let of = |row: &TableRow| {
+        let new = rows.iter().find(|result| result.row == row.name());
+        let weights = new.map(|result| result.weights).or_else(|| there?.weights(*row));
+        weights.map(|weights| (*row, weights))
+    };
+    let best: Vec<_> = P::SETTING.rows.iter().filter_map(of).collect();
+    let mut edges = vec![comparison.edge_of_weights(&best)?];
+    edges.extend(comparison.edge_of_delay(&best)?);
+    Ok(edges)
 }
 
 /// The folder for results.

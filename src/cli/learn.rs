@@ -99,6 +99,9 @@ pub fn run(args: &LearnArgs) -> Result<u8, Box<dyn Error>> {
 /// Roads by name.
 type NamedRoads = Vec<(String, Arc<Path>)>;
 
+/// The controller of the first drive, and the steering that it has shown.
+type FirstDrive<G> = (ControllerParametersFor<G>, Option<ShownActuator>);
+
 struct Ladder<'a, P: Commanded<S, C>, const S: usize, const C: usize> {
     args: &'a LearnArgs,
     vehicle: P::Parameters,
@@ -137,21 +140,55 @@ fn learn<P: Commanded<S, C>, const S: usize, const C: usize>(args: &LearnArgs) -
 
 impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
     fn climb(&self, training: &NamedRoads, proving: &NamedRoads) -> Result<u8, Box<dyn Error>> {
-        let args = self.args;
-        let file = |name: &str| args.out.join(name);
+        let model = self.file("model.rflm");
         // An older model would be taken for this one.
-        match std::fs::remove_file(file("model.rflm")) {
+        match std::fs::remove_file(&model) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error.into()),
             _ => {}
         }
+        let (slow, shown) = self.first_drive(&training[0])?;
+        let identified = self.identify(shown)?;
+        let logs = self.collect(training, ControllerParametersFor { speed: slow.speed, ..identified })?;
+        let refused = self
+            .train(&logs, &model, &self.file("train.json"))
+            .unwrap_or_else(|failure| Some(failure.to_string()));
+        match &refused {
+            None => say!("4 train: {}", model.display()),
+            Some(reason) => say!("4 train: {reason}"),
+        }
+        let (best, rows) = self.prove(proving, &identified, refused.is_none().then_some(&model))?;
+        let report: Value = json!({
+            "recommended": best,
+            "vehicle": self.args.vehicle,
+            "settings": self.args.settings,
+            "speed_of_collecting": { "limit": slow.speed.limit, "lateral_accel": slow.speed.lateral_accel },
+            "steering": shown.map(|shown| json!({
+                "dead_time": shown.prior.actuator.dead_time, "lag": shown.prior.actuator.time_constant,
+                "sum_spread": shown.spread,
+            })),
+            "model": refused.is_none().then(|| model.display().to_string()),
+            "refused": refused,
+            "proof": rows,
+        });
+        write_json(&self.file("learn.json"), &report)?;
+        self.say_next(best, refused.is_none().then_some(&model));
+        Ok(if best == "default" { NOT_BETTER } else { 0 })
+    }
 
-        // Drive: as fast as the default controller stays on the road. A lost drive shows the steering, too: as fast again,
-        // knowing it, before slower.
+    /// A file of the folder for results.
+    fn file(&self, name: &str) -> PathBuf {
+        self.args.out.join(name)
+    }
+
+    /// The controller with which the first drive stays on the road, as fast as it does, and the steering that was shown.
+    ///
+    /// A lost drive shows the steering, too: as fast again, knowing it, before slower.
+    fn first_drive(&self, road: &(String, Arc<Path>)) -> Result<FirstDrive<P::Nominal>, Box<dyn Error>> {
         let mut slow = self.controller;
         let mut first = None;
         let mut told = None;
         for attempt in 0..=TRIES {
-            let drive = self.drive(&slow, self.default(&slow)?, &training[0], "driving")?;
+            let drive = self.drive(&slow, self.default(&slow)?, road, "driving")?;
             let lost = drive.lost;
             say!("1 drive: {}", said(&drive));
             let shown = if told.is_none() { self.shown(&drive) } else { None };
@@ -173,17 +210,21 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
             say!("  slower: up to {:.1} m/s, {:.2} m/s2", slow.speed.limit, slow.speed.lateral_accel);
         }
         let first = first.ok_or("no drive was made")?;
-        write_file(&file("drive.csv"), |to| Ok(first.write_csv(to)?))?;
+        let log = self.file("drive.csv");
+        write_file(&log, |to| Ok(first.write_csv(to)?))?;
         if first.lost {
-            return Err(format!(
-                "the vehicle is lost however slowly it drives; look at {}",
-                file("drive.csv").display()
-            )
-            .into());
+            return Err(
+                format!("the vehicle is lost however slowly it drives; look at {}", log.display()).into()
+            );
         }
+        Ok((slow, self.shown(&first).or(told)))
+    }
 
-        // Identify.
-        let shown = self.shown(&first).or(told);
+    /// The default controller with the steering that was shown, which is written to a controller file.
+    fn identify(
+        &self,
+        shown: Option<ShownActuator>,
+    ) -> Result<ControllerParametersFor<P::Nominal>, Box<dyn Error>> {
         let mut identified = self.controller;
         let mut values = vec![];
         if let Some(shown) = shown {
@@ -205,63 +246,66 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
             values,
         };
         let head = "The steering as rfl learn found it: what the controller begins with.";
-        write_file(&file("controller.toml"), |to| Ok(to.write_all(content.to_text(head).as_bytes())?))?;
+        write_file(&self.file("controller.toml"), |to| Ok(to.write_all(content.to_text(head).as_bytes())?))?;
+        Ok(identified)
+    }
 
-        // Collect.
-        let mut logs = vec![file("drive.csv")];
-        let mut collecting = identified;
-        collecting.speed = slow.speed;
-        for (number, road) in training.iter().enumerate() {
+    /// The logs to learn from: the first drive, and one of each road that is not lost.
+    fn collect(
+        &self,
+        roads: &NamedRoads,
+        mut controller: ControllerParametersFor<P::Nominal>,
+    ) -> Result<Vec<PathBuf>, Box<dyn Error>> {
+        let mut logs = vec![self.file("drive.csv")];
+        for (number, road) in roads.iter().enumerate() {
             // Calm throughout, as rfl collect.
-            collecting.mpc.tightening = 1.0;
-            collecting.mpc.dither = P::SETTING.dither;
-            collecting.mpc.dither_seed =
-                (args.seed as usize).wrapping_mul(100).wrapping_add(number) % 1_000_000;
-            let drive = self.drive(&collecting, self.default(&collecting)?, road, "collecting")?;
-            let log = file(&format!("collect_{}.csv", number + 1));
+            controller.mpc.tightening = 1.0;
+            controller.mpc.dither = P::SETTING.dither;
+            controller.mpc.dither_seed =
+                (self.args.seed as usize).wrapping_mul(100).wrapping_add(number) % 1_000_000;
+            let drive = self.drive(&controller, self.default(&controller)?, road, "collecting")?;
+            let log = self.file(&format!("collect_{}.csv", number + 1));
             write_file(&log, |to| Ok(drive.write_csv(to)?))?;
             say!("3 collect: {}: {}", road.0, said(&drive));
             if !drive.lost {
                 logs.push(log);
             }
         }
+        Ok(logs)
+    }
 
-        // Train and prove in simulation.
-        let model = file("model.rflm");
-        let refused = self
-            .train(&logs, &model, &file("train.json"))
-            .unwrap_or_else(|failure| Some(failure.to_string()));
-        match &refused {
-            None => say!("4 train: {}", model.display()),
-            Some(reason) => say!("4 train: {reason}"),
-        }
-
-        // Prove on the plant, at full speed.
+    /// The best controller on roads not learned on, at full speed, and a row of the report for each drive.
+    fn prove(
+        &self,
+        roads: &NamedRoads,
+        identified: &ControllerParametersFor<P::Nominal>,
+        model: Option<&PathBuf>,
+    ) -> Result<(&'static str, Vec<Value>), Box<dyn Error>> {
         let mut rows = vec![];
         let names = ["default", "identified", "learned"];
-        let count = if refused.is_none() { 3 } else { 2 };
+        let count = if model.is_some() { 3 } else { 2 };
         let mut scores: Vec<Score> =
             names[..count].iter().map(|&name| Score { name, failed: 0, sum: 0.0 }).collect();
         say!("{:<24} {:<11} {:>9} {:>9}  outcome", "5 prove", "", "mean mm", "max mm");
-        for road in proving {
+        for road in roads {
             for score in &mut scores {
                 let name = score.name;
-                let controller = if name == "default" { &self.controller } else { &identified };
-                let file = (name == "learned").then(|| model.clone());
+                let controller = if name == "default" { &self.controller } else { identified };
+                let file = model.filter(|_| name == "learned").cloned();
                 let drive = self.drive(controller, self.choose(controller, file)?, road, "proving")?;
-                let tracking = drive.tracking();
-                score.failed += usize::from(drive.ending.outcome != Outcome::Completed);
+                let (tracking, outcome) = (drive.tracking(), drive.ending.outcome);
+                score.failed += usize::from(outcome != Outcome::Completed);
                 score.sum += tracking.mae;
                 say!(
                     "{:<24} {name:<11} {:>9.2} {:>9.1}  {}",
                     road.0,
                     1e3 * tracking.mae,
                     1e3 * tracking.max,
-                    drive.ending.outcome.name()
+                    outcome.name()
                 );
                 rows.push(json!({
                     "road": road.0, "controller": name, "mean": tracking.mae, "max": tracking.max,
-                    "outcome": drive.ending.outcome.name(),
+                    "outcome": outcome.name(),
                 }));
             }
         }
@@ -269,41 +313,31 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
             .iter()
             .min_by(|a, b| a.order().total_cmp(&b.order()))
             .map_or("default", |score| score.name);
-        let report: Value = json!({
-            "recommended": best,
-            "vehicle": args.vehicle,
-            "settings": args.settings,
-            "speed_of_collecting": { "limit": slow.speed.limit, "lateral_accel": slow.speed.lateral_accel },
-            "steering": shown.map(|shown| json!({
-                "dead_time": shown.prior.actuator.dead_time, "lag": shown.prior.actuator.time_constant,
-                "sum_spread": shown.spread,
-            })),
-            "model": refused.is_none().then(|| model.display().to_string()),
-            "refused": refused,
-            "proof": rows,
-        });
-        write_json(&file("learn.json"), &report)?;
-        let vehicle = &args.vehicle;
-        let controller = file("controller.toml");
-        match best {
-            "default" => {
+        Ok((best, rows))
+    }
+
+    /// Says what comes next with the best controller; `model` is the learned one, if there is one.
+    fn say_next(&self, best: &str, model: Option<&PathBuf>) {
+        let vehicle = &self.args.vehicle;
+        let controller = self.file("controller.toml");
+        let controller = controller.display();
+        match (best, model) {
+            ("default", _) => {
                 say!(
                     "nothing of it drives better than the default controller: rfl drive --vehicle {vehicle}"
                 );
             }
-            "learned" => say!(
-                "next: rfl drive --vehicle {vehicle} --controller {} --residual {}",
-                controller.display(),
+            ("learned", Some(model)) => say!(
+                "next: rfl drive --vehicle {vehicle} --controller {controller} --residual {}",
                 model.display()
             ),
             _ => {
-                if refused.is_none() {
+                if model.is_some() {
                     say!("the learned model drives no better than the identified steering alone");
                 }
-                say!("next: rfl drive --vehicle {vehicle} --controller {}", controller.display());
+                say!("next: rfl drive --vehicle {vehicle} --controller {controller}");
             }
         }
-        Ok(if best == "default" { NOT_BETTER } else { 0 })
     }
 
     /// The steering actuator, as far as a drive shows it.

@@ -1,4 +1,4 @@
-//! The commands of `rfl`, one file each.
+//! The commands of `rfl`, a file or a folder each.
 //!
 //! A command is its arguments and a `run`. Any error is one line on standard error with the fault, its place and
 //! advice. Exit status: 0 done, 1 bad input or a failure, 2 wrong usage; a drive's outcome and a diagnosis' verdict

@@ -1,12 +1,12 @@
 //! Checks of a road's points: repairs, refusals, closure.
 
+use super::draw::{Outline, tightest};
 use super::error::{InputPlace, PathError};
 use super::noise::{PointNoise, middle};
 use super::note::Note;
 use super::read::Accuracy;
 use super::sample::{Closure, PathOptions, Sample, Smoothing};
-use super::smooth::{Goal, smooth};
-use super::spline::{Knot, QuinticSpline, Vector, distance};
+use super::spline::{QuinticSpline, Vector, distance};
 use super::stops::{WIDTHS, usual_spacing, without_stops};
 use super::straight::fill;
 use super::wrap_angle;
@@ -15,8 +15,6 @@ use std::borrow::Cow;
 
 /// Distance below which a point is the same as the one before (m).
 const SAME: f64 = 1e-6;
-/// Largest disagreement of headings and curvatures with the points at which they still hold (rad).
-const DISAGREEMENT: f64 = 0.02;
 /// Change of direction between two chords from which on a road is out of order (rad).
 const TURNS_BACK: f64 = 2.2;
 /// Shortest road, and largest median spacing: beyond them the unit is another (m).
@@ -34,8 +32,6 @@ pub(super) struct CheckedRoad {
     pub origin: Vector,
 }
 
-/// Tightest bend of a road that noise leaves drivable in m.
-const TIGHTEST: f64 = 2.0;
 /// Roads without stops that are drawn at most.
 const MORE_WIDTHS: usize = 4;
 /// Radius of the smallest circle of a small car in m.
@@ -139,23 +135,61 @@ fn drawn(
     noise: Option<PointNoise>,
 ) -> Result<CheckedRoad, PathError> {
     let mut notes: Vec<Note> = Vec::new();
-    let mut same = SAME;
-    if let Smoothing::Within(value) = options.smoothing {
-        if !(0.0..=5.0).contains(&value) {
-            return Err(PathError::Tolerance { value });
-        }
-        // Points closer than their noise have no direction between them: a vehicle at rest, say.
-        if noise.is_none() {
-            same = (2.0 * value).max(SAME);
-        }
+    let noise = noise.as_ref();
+    let same = least_distance(options.smoothing, noise.is_some())?;
+    let mut kept = without_repeats(samples, same, &mut notes);
+    let median = median_spacing(&kept)?;
+    let origin = position(&kept[0]);
+    let repeated_start = kept.len() > 3 && distance(position(&kept[kept.len() - 1]), origin) < same;
+    let periodic = match options.closure {
+        Closure::Open => false,
+        Closure::Closed => true,
+        Closure::Detect => closes(&kept, repeated_start, noise, median, &mut notes),
+    };
+    if periodic && repeated_start {
+        kept.pop();
     }
-    let mut kept: Vec<(usize, Sample)> = Vec::with_capacity(samples.len());
+    if periodic && kept.len() < 3 {
+        return Err(PathError::TooFewPoints { place: InputPlace::default(), count: kept.len(), needed: 3 });
+    }
+    notes.extend(fill(&mut kept, median, periodic)?);
+    refuse_turning_back(&directed(&kept, noise, periodic), periodic).map_err(|error| match noise {
+        Some(noise) => noise.refusal("turns back on itself".into()),
+        None => error,
+    })?;
+    if !periodic && options.closure == Closure::Detect {
+        notes.extend(passes_its_start(&kept, median).map(Note::warning));
+    }
+
+    let samples: Vec<Sample> = kept.into_iter().map(|(_, sample)| sample).collect();
+    let points = samples.iter().map(|sample| [sample.x - origin[0], sample.y - origin[1]]).collect();
+    let outline = Outline { samples: &samples, points, periodic, spacing: median, noise };
+    let curve = outline.curve(options.smoothing, accuracy, &mut notes)?;
+    Ok(CheckedRoad { samples, periodic, notes, curve, origin })
+}
+
+fn position((_, sample): &(usize, Sample)) -> Vector {
+    [sample.x, sample.y]
+}
+
+/// Distance below which a point repeats the one before, in m.
+fn least_distance(smoothing: Smoothing, noisy: bool) -> Result<f64, PathError> {
+    let Smoothing::Within(value) = smoothing else { return Ok(SAME) };
+    if !(0.0..=5.0).contains(&value) {
+        return Err(PathError::Tolerance { value });
+    }
+    // Points closer than their noise have no direction between them: a vehicle at rest, say.
+    Ok(if noisy { SAME } else { (2.0 * value).max(SAME) })
+}
+
+/// The points less those that repeat the one before.
+fn without_repeats(samples: Vec<(usize, Sample)>, same: f64, notes: &mut Vec<Note>) -> Vec<(usize, Sample)> {
     let total = samples.len();
-    for (index, sample) in samples {
-        let repeats =
-            kept.last().is_some_and(|(_, last)| distance([last.x, last.y], [sample.x, sample.y]) < same);
+    let mut kept: Vec<(usize, Sample)> = Vec::with_capacity(total);
+    for point in samples {
+        let repeats = kept.last().is_some_and(|last| distance(position(last), position(&point)) < same);
         if !repeats {
-            kept.push((index, sample));
+            kept.push(point);
         }
     }
     if kept.len() < total {
@@ -165,10 +199,17 @@ fn drawn(
             format!("{} point(s) dropped that repeat the one before", total - kept.len())
         }));
     }
+    kept
+}
+
+/// Median spacing of the points, in m.
+///
+/// # Errors
+/// Too few points; a road whose unit is not the metre.
+fn median_spacing(kept: &[(usize, Sample)]) -> Result<f64, PathError> {
     if kept.len() < 2 {
         return Err(PathError::TooFewPoints { place: InputPlace::default(), count: kept.len(), needed: 2 });
     }
-    let position = |point: &(usize, Sample)| [point.1.x, point.1.y];
     let mut spacings: Vec<f64> =
         kept.windows(2).map(|pair| distance(position(&pair[0]), position(&pair[1]))).collect();
     let median = upper_median(&mut spacings);
@@ -178,105 +219,26 @@ fn drawn(
     if long < SHORTEST || median > farthest {
         return Err(PathError::SuspiciousUnit { place: InputPlace::default(), median, long, unit: "m" });
     }
-    let first = position(&kept[0]);
-    let repeated_start = kept.len() > 3 && distance(position(&kept[kept.len() - 1]), first) < same;
-    let periodic = match options.closure {
-        Closure::Open => false,
-        Closure::Closed => true,
-        Closure::Detect => {
-            let ends = if repeated_start { &kept[..kept.len() - 1] } else { &kept[..] };
-            let seam = leads_into_start(ends, noise.as_ref(), median);
-            if repeated_start && seam == Seam::Turns {
-                notes.push(Note::warning(
-                    "the road ends where it begins, but in another direction: taken as open; closed on demand",
-                ));
-            }
-            // Of a few points nobody knows how smooth the road is.
-            seam == Seam::Smooth || repeated_start && seam == Seam::Apart
-        }
-    };
-    if periodic && repeated_start {
-        kept.pop();
-    }
-    if periodic && kept.len() < 3 {
-        return Err(PathError::TooFewPoints { place: InputPlace::default(), count: kept.len(), needed: 3 });
-    }
-    notes.extend(fill(&mut kept, median, periodic)?);
-    refuse_turning_back(&directed(&kept, noise.as_ref(), periodic), periodic).map_err(
-        |error| match &noise {
-            Some(noise) => noise.refusal("turns back on itself".into()),
-            None => error,
-        },
-    )?;
-    if !periodic && options.closure == Closure::Detect {
-        notes.extend(passes_its_start(&kept, median).map(Note::warning));
-    }
-
-    let samples: Vec<Sample> = kept.into_iter().map(|(_, sample)| sample).collect();
-    let origin = first;
-    let points: Vec<Vector> =
-        samples.iter().map(|sample| [sample.x - origin[0], sample.y - origin[1]]).collect();
-    let (tolerance, why) = match (options.smoothing, accuracy) {
-        (Smoothing::None, _) | (Smoothing::AsAccurate, Accuracy::Exact) => (None, ""),
-        (Smoothing::Within(value), _) => (Some(value), ""),
-        (Smoothing::AsAccurate, Accuracy::Digit(digit)) => {
-            (rounding(digit, median), ", the rounding of the coordinates")
-        }
-        (Smoothing::AsAccurate, Accuracy::Measured(value)) => {
-            (Some(value), ", the accuracy of racetrack-database")
-        }
-    };
-    let (goal, why) = match &noise {
-        // Unless the file's own accuracy is about that of its points.
-        Some(noise)
-            if !matches!(options.smoothing, Smoothing::Within(_))
-                && tolerance.is_none_or(|known| noise.rms() > 1.5 * known) =>
-        {
-            (Some(Goal::Nearest(noise.rms())), ", by their measured noise")
-        }
-        _ => (tolerance.map(Goal::Within), why),
-    };
-    let along = noise.as_ref().map(|noise| noise.means(&points, periodic));
-    let pinned = !matches!(options.smoothing, Smoothing::Within(_));
-    let curve = poses(&samples, &points, periodic, &mut notes).filter(|_| pinned).unwrap_or_else(|| {
-        let smoothed = goal.and_then(|goal| smooth(&points, along.as_deref(), periodic, goal));
-        if let (Some(goal), Some(curve)) = (goal, &smoothed) {
-            let at_marks = curve.at_marks();
-            let distances = || at_marks.iter().zip(&points).map(|(at, point)| distance(*at, *point));
-            let farthest = 1e3 * distances().fold(0.0, f64::max);
-            let rms = match goal {
-                Goal::Within(tolerance) => tolerance,
-                Goal::Nearest(_) => (distances().map(|d| d * d).sum::<f64>() / points.len() as f64).sqrt(),
-            };
-            notes.push(Note::info(format!(
-                "smoothed: {:.1} mm RMS from the points{why}; {farthest:.1} mm at most",
-                1e3 * rms
-            )));
-        }
-        smoothed.unwrap_or_else(|| {
-            let curve = QuinticSpline::through(&points, periodic);
-            if let Some(error) = wobble(&curve) {
-                notes.push(Note::warning(format!(
-                    "the curvature wobbles by {error:.4} 1/m from point to point: the points look noisy; give a \
-                     smoothing tolerance of about their noise"
-                )));
-            }
-            curve
-        })
-    });
-    if let Some(noise) = &noise {
-        let tightest = tightest(&curve);
-        if tightest * TIGHTEST > 1.0 {
-            return Err(noise.refusal(format!("has bends of {:.2} m radius", 1.0 / tightest)));
-        }
-    }
-    Ok(CheckedRoad { samples, periodic, notes, curve, origin })
+    Ok(median)
 }
 
-impl PointNoise {
-    fn refusal(&self, shape: String) -> PathError {
-        PathError::Noise { place: InputPlace::default(), rms: self.rms(), shape }
+/// True if the road leads back to its start.
+fn closes(
+    kept: &[(usize, Sample)],
+    repeated_start: bool,
+    noise: Option<&PointNoise>,
+    median: f64,
+    notes: &mut Vec<Note>,
+) -> bool {
+    let ends = if repeated_start { &kept[..kept.len() - 1] } else { kept };
+    let seam = leads_into_start(ends, noise, median);
+    if repeated_start && seam == Seam::Turns {
+        notes.push(Note::warning(
+            "the road ends where it begins, but in another direction: taken as open; closed on demand",
+        ));
     }
+    // Of a few points nobody knows how smooth the road is.
+    seam == Seam::Smooth || repeated_start && seam == Seam::Apart
 }
 
 /// Points that give the road's direction: those kept or, for noisy ones, means of them.
@@ -291,90 +253,6 @@ fn directed<'a>(
     let at = |i: usize| (kept[i].0, Sample::at(means[i][0], means[i][1]));
     let last = kept.len() - 1;
     (0..=last - noise.stride().min(last)).step_by(noise.stride()).map(at).chain([at(last)]).collect()
-}
-
-/// Largest curvature at the knots in 1/m.
-fn tightest(curve: &QuinticSpline) -> f64 {
-    curve.knots.iter().map(|knot| curvature(knot).abs()).fold(0.0, f64::max)
-}
-
-/// Curvature at a knot in 1/m.
-fn curvature(knot: &Knot) -> f64 {
-    let speed = knot.d1[0].hypot(knot.d1[1]).max(1e-9);
-    (knot.d1[0] * knot.d2[1] - knot.d1[1] * knot.d2[0]) / speed.powi(3)
-}
-
-/// RMS curvature error of an interpolating curve in 1/m, if it looks like noise: large, and of alternating sign.
-fn wobble(curve: &QuinticSpline) -> Option<f64> {
-    let seconds: Vec<f64> = curve
-        .knots
-        .windows(3)
-        .map(|k| curvature(&k[0]) - 2.0 * curvature(&k[1]) + curvature(&k[2]))
-        .collect();
-    if seconds.len() < 20 {
-        return None;
-    }
-    let count = seconds.len() as f64;
-    // White noise has second differences of 6 times its variance, which change sign four times of five.
-    let error = (seconds.iter().map(|second| second * second).sum::<f64>() / count / 6.0).sqrt();
-    let changes = seconds.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count() as f64 / count;
-    (error > 0.005 && changes > 0.65).then_some(error)
-}
-
-/// RMS distance by which rounding to `digit` moves points, if that matters at their spacing.
-fn rounding(digit: f64, spacing: f64) -> Option<f64> {
-    let sigma = digit / 12f64.sqrt();
-    let curvature_error = 6f64.sqrt() * sigma / (spacing * spacing);
-    (curvature_error > 1e-5).then_some(sigma * 2f64.sqrt())
-}
-
-/// The curve from heading and curvature, where the road has both and they fit its points.
-fn poses(
-    samples: &[Sample],
-    points: &[Vector],
-    periodic: bool,
-    notes: &mut Vec<Note>,
-) -> Option<QuinticSpline> {
-    let column = |value: fn(&Sample) -> Option<f64>| samples.iter().map(value).collect::<Option<Vec<f64>>>();
-    let (yaw, curvature) = match (column(|sample| sample.yaw), column(|sample| sample.curvature)) {
-        (Some(yaw), Some(curvature)) => (yaw, curvature),
-        (None, None) if samples.iter().all(|sample| sample.yaw.is_none() && sample.curvature.is_none()) => {
-            return None;
-        }
-        _ => {
-            notes.push(Note::info("columns yaw and curvature are not used: every point must have both"));
-            return None;
-        }
-    };
-    let worst = worst_disagreement(points, &yaw, &curvature, periodic);
-    if worst < DISAGREEMENT {
-        return Some(QuinticSpline::through_poses(points, &yaw, &curvature, periodic));
-    }
-    notes.push(Note::info(format!(
-        "columns yaw and curvature are not used: they disagree with the points by up to {worst:.3} rad between \
-         neighbours"
-    )));
-    None
-}
-
-/// Largest error of headings and curvatures against the chords between neighbouring points, in rad.
-fn worst_disagreement(points: &[Vector], yaw: &[f64], curvature: &[f64], periodic: bool) -> f64 {
-    let n = points.len();
-    let last = if periodic { n } else { n - 1 };
-    (0..last).fold(0.0, |worst: f64, i| {
-        let j = (i + 1) % n;
-        let (a, b) = (points[i], points[j]);
-        let turn = wrap_angle(yaw[j] - yaw[i]);
-        let chord = distance(a, b);
-        let half = 0.5 * turn;
-        let arc = if half.abs() < 1e-6 { chord } else { chord * half / half.sin() };
-        // Of a clothoid: turn = mean curvature * arc, and the chord's direction is the mean heading less
-        // arc * (difference of curvature) / 12.
-        let from_turn = (turn - 0.5 * arc * (curvature[i] + curvature[j])).abs();
-        let chord_yaw = yaw[i] + half - arc * (curvature[j] - curvature[i]) / 12.0;
-        let from_chord = wrap_angle((b[1] - a[1]).atan2(b[0] - a[0]) - chord_yaw).abs();
-        worst.max(from_turn).max(from_chord)
-    })
 }
 
 fn check_values(sample: &Sample, index: usize) -> Result<(), PathError> {

@@ -33,6 +33,7 @@
 //! |---|---|
 //! | `sample.rs` | the points of a road |
 //! | `check.rs` | checks of a road's points: duplicates, gaps, closure |
+//! | `draw.rs` | the curve of a road whose points are checked |
 //! | `straight.rs` | straights that a map gives no points for |
 //! | `spline.rs` | a curve with continuous curvature through them |
 //! | `smooth.rs`, `banded.rs` | the same through noisy points, within a tolerance |
@@ -47,6 +48,7 @@
 
 mod banded;
 mod check;
+mod draw;
 mod error;
 mod geodetic;
 mod grid;

@@ -57,6 +57,8 @@
 //! | `actuator.rs`, `prior.rs` | the actuator that the samples show, and the prior that it gives the effects of commands |
 //! | `global.rs`, `leaf.rs` | one linear model for all; models in leaves |
 //! | `train_config.rs`, `train.rs` | from a data set to a model and a report of its fit |
+//! | `stages.rs` | the training's stages: global fit, trees, leaves |
+//! | `measure.rs` | one-step errors of a model |
 //! | `model.rs` | the model: its description, and its coefficients at any features |
 //! | `linear.rs` | the trait of a residual, as a controller asks for it |
 //! | `fits.rs` | the check that a model fits a controller |
@@ -77,10 +79,12 @@ mod leaf;
 mod least_squares;
 mod linear;
 mod lookahead;
+mod measure;
 mod model;
 mod prior;
 mod recorded;
 mod rows;
+mod stages;
 mod table;
 mod train;
 mod train_config;
@@ -98,14 +102,16 @@ pub use leaf::{LeafFit, LeafModels};
 pub use least_squares::{Decomposed, Gram, Theta, Triangle};
 pub use linear::{EachRow, LinearResidual, ResidualRows, RowResidual};
 pub use lookahead::{Lookahead, LookedUp};
+pub use measure::FitErrors;
 pub use model::{
     Coefficients, Kind, Range, Regressors, ResidualModel, ResidualModelFor, Schema, Training, TreeFeatures,
 };
 pub(crate) use prior::write_residual_of_actuator;
 pub use prior::{CommandPrior, residual_of_actuator};
 pub use recorded::{DataReport, Drive};
+pub use stages::{Progress, TrainingStage};
 pub use table::{Columns, Dense, Resolution};
-pub use train::{FitErrors, Progress, TrainError, TrainReport, Trained, TrainingStage, train};
+pub use train::{TrainError, TrainReport, Trained, train};
 pub use train_config::{ConfigError, LambdaChoice, TrainConfig};
 pub use tree::MAX_DEPTH;
 

@@ -20,7 +20,7 @@ use crate::numerics::Random;
 use crate::numerics::parallel;
 use crate::residual::dataset::DataSet;
 use crate::residual::model::Range;
-use crate::residual::train::{Progress, TrainingStage};
+use crate::residual::stages::{Progress, TrainingStage};
 use crate::residual::train_config::ConfigError;
 use crate::signal;
 use crate::vehicle::SingleTrack;

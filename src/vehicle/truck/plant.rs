@@ -4,9 +4,9 @@ use super::error::TruckError;
 use super::hitch::{HitchPlant, Pin};
 use crate::vehicle::drive::DriveLine;
 use crate::vehicle::effects::TruckEffects;
-use crate::vehicle::parameters::{Axle, Body, relaxation_at_rest};
+use crate::vehicle::parameters::{Body, relaxation_at_rest};
 use crate::vehicle::steering::SteeringChain;
-use crate::vehicle::truck_parameters::{RestLoads, TruckParameters};
+use crate::vehicle::truck_parameters::{RestLoads, Trailer, TruckParameters};
 use crate::vehicle::tyre::{Coefficients, Tyre, TyreModel};
 use crate::vehicle::unit::{AxleParts, BODY, Laden, Load, Masses, PER_WHEEL, UnitConstants, Wheels};
 
@@ -38,30 +38,33 @@ pub(super) struct TruckPlant<T: TyreModel = Coefficients> {
     pub effects: TruckEffects,
 }
 
-impl<T: TyreModel> TruckPlant<T> {
-    /// With tyres on the front, rear and trailer axle.
-    pub fn new(truck: &TruckParameters, tyres: [T; 3], effects: &TruckEffects) -> Result<Self, TruckError> {
-        let relaxation = relaxation_at_rest(truck.front_tyre_load(), &tyres);
-        let (common, of_trailer) = (&effects.vehicle, &effects.trailer);
+/// The laden units at rest, with places in m forward of their CGs.
+struct AtRest {
+    tractor: Laden,
+    trailer: Laden,
+    x_front: f64,
+    x_rear: f64,
+    x_hitch: f64,
+    x_pin: f64,
+    x_trailer: f64,
+    loads: RestLoads,
+}
+
+impl AtRest {
+    /// # Errors
+    /// An axle of the tractor without load.
+    fn new(truck: &TruckParameters, effects: &TruckEffects) -> Result<Self, TruckError> {
         let Body { mass, yaw_inertia, roll_inertia, pitch_inertia, cg_height, .. } = truck.tractor;
         let masses = Masses { mass, yaw_inertia, roll_inertia, pitch_inertia, cg_height };
-        let tractor = Laden::new(masses, Load::of(common));
-        let body = &truck.trailer;
-        let masses = Masses {
-            mass: body.mass,
-            yaw_inertia: body.yaw_inertia,
-            roll_inertia: body.roll_inertia,
-            pitch_inertia: body.pitch_inertia,
-            cg_height: body.cg_height,
-        };
-        let at_cg = Load { mass: of_trailer.trailer_payload, x: 0.0, shift: 0.0, yaw_inertia: 1.0 };
+        let tractor = Laden::new(masses, Load::of(&effects.vehicle));
+        let Trailer { mass, yaw_inertia, roll_inertia, pitch_inertia, cg_height, .. } = truck.trailer;
+        let masses = Masses { mass, yaw_inertia, roll_inertia, pitch_inertia, cg_height };
+        let at_cg = Load { mass: effects.trailer.trailer_payload, x: 0.0, shift: 0.0, yaw_inertia: 1.0 };
         let trailer = Laden::new(masses, at_cg);
-
-        // Places forward of the laden CGs.
         let cg = tractor.cg;
         let (x_front, x_rear) = (truck.tractor.cg_to_front_axle - cg, -truck.tractor.cg_to_rear_axle - cg);
-        let x_hitch = -truck.hitch.cg_to_hitch + of_trailer.hitch_offset - cg;
-        let (x_pin, x_trailer) = (body.cg_to_hitch, -body.cg_to_axle);
+        let x_hitch = -truck.hitch.cg_to_hitch + effects.trailer.hitch_offset - cg;
+        let (x_pin, x_trailer) = (truck.trailer.cg_to_hitch, -truck.trailer.cg_to_axle);
         let loads =
             RestLoads::new([tractor.mass, trailer.mass], [x_front, x_rear, x_hitch], [x_pin, x_trailer]);
         for (axle, load) in [("front", loads.front), ("rear", loads.rear)] {
@@ -69,62 +72,75 @@ impl<T: TyreModel> TruckPlant<T> {
                 return Err(TruckError::AxleLifted { axle, load });
             }
         }
+        Ok(Self { tractor, trailer, x_front, x_rear, x_hitch, x_pin, x_trailer, loads })
+    }
 
-        let parts = |axle, (tyre, of_axle), x: f64, load: f64, tyres: f64| -> AxleParts<'_, T> {
-            let (axle, tyre, of_axle): (&Axle, T, &Tyre) = (axle, tyre, of_axle);
-            let lateral_compliance = of_axle.lateral_compliance;
-            let (static_load, stiffness) = (0.5 * load, 1.0);
-            let (steered, drive_share, brake_share) = (false, 0.0, 0.0);
-            AxleParts {
-                axle,
-                tyre,
-                lateral_compliance,
-                x,
-                static_load,
-                tyres,
-                steered,
-                stiffness,
-                drive_share,
-                brake_share,
-            }
+    /// The front and rear axle of the tractor, and the group of the semi-trailer.
+    fn axles<'a, T>(
+        &self,
+        truck: &'a TruckParameters,
+        [front, rear, trailer]: [T; 3],
+        effects: &TruckEffects,
+    ) -> ([AxleParts<'a, T>; 2], [AxleParts<'a, T>; 1]) {
+        let parts = |axle, (tyre, of_axle): (T, &Tyre), x: f64, load: f64, tyres: f64| AxleParts {
+            axle,
+            tyre,
+            lateral_compliance: of_axle.lateral_compliance,
+            x,
+            static_load: 0.5 * load,
+            tyres,
+            steered: false,
+            stiffness: 1.0,
+            drive_share: 0.0,
+            brake_share: 0.0,
         };
         let (axle, tyre, per_side) = (&truck.axle, &truck.tyre, &truck.tyres_per_side);
-        let brake = &truck.brake;
-        let [tyre_front, tyre_rear, tyre_trailer] = tyres;
+        let (common, brake, loads) = (&effects.vehicle, &truck.brake, &self.loads);
         let front = AxleParts {
             steered: true,
             stiffness: common.tyre_stiffness_front,
             brake_share: brake.front_share,
-            ..parts(&axle.front, (tyre_front, &tyre.front), x_front, loads.front, per_side.front)
+            ..parts(&axle.front, (front, &tyre.front), self.x_front, loads.front, per_side.front)
         };
         let rear = AxleParts {
             stiffness: common.tyre_stiffness_rear,
             drive_share: 1.0,
             brake_share: 1.0 - brake.front_share - brake.trailer_share,
-            ..parts(&axle.rear, (tyre_rear, &tyre.rear), x_rear, loads.rear, per_side.rear)
+            ..parts(&axle.rear, (rear, &tyre.rear), self.x_rear, loads.rear, per_side.rear)
         };
         let group = AxleParts {
-            stiffness: of_trailer.trailer_stiffness,
+            stiffness: effects.trailer.trailer_stiffness,
             brake_share: brake.trailer_share,
-            ..parts(&axle.trailer, (tyre_trailer, &tyre.trailer), x_trailer, loads.trailer, per_side.trailer)
+            ..parts(&axle.trailer, (trailer, &tyre.trailer), self.x_trailer, loads.trailer, per_side.trailer)
         };
+        ([front, rear], [group])
+    }
+}
+
+impl<T: TyreModel> TruckPlant<T> {
+    /// With tyres on the front, rear and trailer axle.
+    pub fn new(truck: &TruckParameters, tyres: [T; 3], effects: &TruckEffects) -> Result<Self, TruckError> {
+        let relaxation = relaxation_at_rest(truck.front_tyre_load(), &tyres);
+        let (common, of_trailer) = (&effects.vehicle, &effects.trailer);
+        let rest = AtRest::new(truck, effects)?;
+        let (axles, group) = rest.axles(truck, tyres, effects);
         // The tractor rolls about the axis through both roll centres, the semi-trailer about a level one.
-        let (front_centre, rear_centre) = (axle.front.roll_centre_height, axle.rear.roll_centre_height);
-        let slope = (front_centre - rear_centre) / (x_front - x_rear);
-        let tractor_axis = |x: f64| rear_centre + slope * (x - x_rear);
-        let trailer_axis = |_: f64| axle.trailer.roll_centre_height;
-        let tractor = UnitConstants::new(&tractor, &[front, rear], common, relaxation, tractor_axis);
-        let trailer = UnitConstants::new(&trailer, &[group], common, relaxation, trailer_axis);
+        let [front_centre, rear_centre] = axles.each_ref().map(|parts| parts.axle.roll_centre_height);
+        let slope = (front_centre - rear_centre) / (rest.x_front - rest.x_rear);
+        let tractor_axis = |x: f64| rear_centre + slope * (x - rest.x_rear);
+        let trailer_axis = |_: f64| truck.axle.trailer.roll_centre_height;
+        let tractor = UnitConstants::new(&rest.tractor, &axles, common, relaxation, tractor_axis);
+        let trailer = UnitConstants::new(&rest.trailer, &group, common, relaxation, trailer_axis);
         let height = truck.hitch.height;
         let pins = [
-            Pin::new(&tractor, x_hitch, height, tractor_axis(x_hitch)),
-            Pin::new(&trailer, x_pin, height, trailer_axis(x_pin)),
+            Pin::new(&tractor, rest.x_hitch, height, tractor_axis(rest.x_hitch)),
+            Pin::new(&trailer, rest.x_pin, height, trailer_axis(rest.x_pin)),
         ];
         let friction = truck.hitch.friction + of_trailer.articulation_friction;
         let inertias = [truck.tractor.yaw_inertia, truck.trailer.yaw_inertia];
         let air = &truck.air;
         Ok(Self {
-            hitch: HitchPlant::new(&truck.hitch, pins, loads.hitch, friction, inertias),
+            hitch: HitchPlant::new(&truck.hitch, pins, rest.loads.hitch, friction, inertias),
             wheels: [Wheels::new(tractor.axles.each_ref()), Wheels::new([&trailer.axles[0]; 2])],
             tractor,
             trailer,
@@ -139,7 +155,7 @@ impl<T: TyreModel> TruckPlant<T> {
             },
             drag: 0.5 * air.density * air.drag_area * common.drag,
             side: [air.tractor_side_area, air.trailer_side_area].map(|area| 0.5 * air.density * area),
-            pressure_centre: [air.tractor_pressure_centre - cg, air.trailer_pressure_centre],
+            pressure_centre: [air.tractor_pressure_centre - rest.tractor.cg, air.trailer_pressure_centre],
             effects: *effects,
         })
     }

@@ -1,0 +1,223 @@
+//! `rfl drive`: the closed loop in native code, on any road, with any car or truck.
+//!
+//! A drive ends in one of four outcomes, the same in text, JSON and exit status. Log and JSON are written in each case.
+//!
+//! | file | problem |
+//! |---|---|
+//! | `setup.rs` | road, vehicle and controller, and the numbers that `--set` reaches |
+//! | `model.rs` | the controller's prediction model |
+//! | `sample_time.rs` | the controller's sample time against the communication step |
+//! | `stepwise.rs` | the controller for a program that closes the loop itself |
+//! | `report.rs` | the drive in words, files and an exit status |
+
+mod model;
+mod report;
+mod sample_time;
+mod setup;
+mod stepwise;
+
+pub(super) use model::{MODELS, ModelArgs};
+pub(super) use setup::{Setup, number, setting};
+pub use stepwise::Stepwise;
+
+use super::logs::LimitArgs;
+use super::output::check_writable;
+use super::progress_bar;
+use super::require::{Requirement, figures_help};
+use super::vehicle::{Commanded, VehicleLinearModel, by_kind};
+use crate::control::{ControlVariant, ControllerFile, ControllerFor, PredictionModelFor};
+use crate::path::{PathOptions, Smoothing};
+use crate::simulate::{LaneLimits, STATION};
+use crate::vehicle::BUILTIN;
+use clap::Args;
+use report::DriveReport;
+use sample_time::{keep_up_with, warn_of_long_steps};
+use serde_json::Value;
+use setup::Initial;
+use std::error::Error;
+use std::path::PathBuf;
+
+/// Drives a car or a truck along a road with the MPC, natively, and says how well it tracked.
+#[derive(Debug, Clone, Args)]
+#[command(after_help = after_help())]
+pub struct DriveArgs {
+    /// Road to follow: a CSV file with columns x, y, or a built-in course (rfl course lists them) [default: the vehicle's test route]
+    #[arg(long)]
+    path: Option<PathBuf>,
+    /// Allowed distance of the path from the road's noisy points, RMS in m [default: as accurate as the file is, or its
+    /// measured noise]
+    #[arg(long, value_name = "METRES", requires = "path")]
+    smooth: Option<f64>,
+    #[command(flatten)]
+    limit: LimitArgs,
+    /// Car or truck: a vehicle file (TOML) or a built-in name
+    #[arg(long, default_value = BUILTIN[0])]
+    vehicle: String,
+    /// Longest drive in s of simulated time; a drive that it cuts on the road is a success [default: 1800, which is none]
+    #[arg(long)]
+    duration: Option<f64>,
+    /// Communication step in s
+    #[arg(long, default_value_t = 0.02)]
+    step: f64,
+    /// Controller file (from rfl tune); what is set beside it counts more
+    #[arg(long, value_name = "FILE")]
+    controller: Option<PathBuf>,
+    /// True lateral error in m beyond which the vehicle has left its lane and the drive is lost
+    #[arg(long, value_name = "M", default_value_t = LaneLimits::default().lateral_error)]
+    lane: f64,
+    /// A parameter, NAME=VALUE, of whoever has it; `car.` (`truck.`) or `controller.` before the name means one of them only
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    settings: Vec<String>,
+    /// File for the drive log (CSV)
+    #[arg(long)]
+    log: Option<PathBuf>,
+    /// File for the results (JSON)
+    #[arg(long)]
+    json: Option<PathBuf>,
+    /// A figure that must be met, FIGURE<=VALUE or FIGURE=VALUE, such as max_e1=0.5; the figures stand below
+    #[arg(long = "require", value_name = "REQUIREMENT")]
+    requirements: Vec<Requirement>,
+    /// File for the outcome and the requirements as test cases (JUnit XML)
+    #[arg(long, value_name = "FILE")]
+    junit: Option<PathBuf>,
+    #[command(flatten)]
+    model: ModelArgs,
+    /// No progress
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Default time, s, after which a drive is given up.
+const LONGEST: f64 = 1800.0;
+
+fn after_help() -> String {
+    format!(
+        "{EXAMPLES}
+
+{}
+
+Exit status: 0 completed, or on the road when the --duration given was over; 1 bad input or a failure; 2 wrong usage;
+3 stopped before the road's end; 4 lost: off its lane, rolled over, jack-knifed, or it could not be driven on;
+5 timed out after {LONGEST} s; 6 a requirement is not met. Log, JSON and JUnit file are written in each case from 3 on.",
+        figures_help()
+    )
+}
+
+const EXAMPLES: &str = "Examples:
+  rfl drive                                            the Sudoku test route, the C-class car
+  rfl drive --path road.csv --vehicle my_car.toml --log out/drive.csv
+  rfl drive --set mpc.q_e2=1 --set effect.steer_delay=0.06
+  rfl drive --set car.vehicle.mass=1600                the car's mass, not the controller's
+  rfl drive --set initial.y=1 --set initial.vx=5       a start beside the road's first point, at another speed
+  rfl drive --vehicle my_car.toml --controller out/tune/controller.toml    as tuned by rfl tune
+  rfl drive --vehicle truck_simulation                 the truck's test route, the truck paper's truck
+  rfl drive --residual out/residual/rfl_s.rflm         with what rfl train learned
+  rfl drive --variant rfl_s                            the same: models are looked for in out/residual
+  rfl drive --set effect.steer_lag=0.1 --set effect.steer_delay=0.06    a slow steering: it is found while driving
+  rfl drive --variant actuator --set actuator.dead_time=0.06 --set actuator.time_constant=0.1
+  rfl drive --variant actuator --set actuator.dead_time=0.12 --set actuator.dead_time_model=pade_2_2
+  rfl drive --require 'max_e1<=0.1' --require p99_step_time=0.001 --junit out/drive.xml       a test in CI";
+
+/// A drive: its log and its report.
+#[derive(Debug, Clone)]
+pub struct DriveResult {
+    /// Columns of the log by their names, a value for each communication step.
+    pub columns: Vec<(&'static str, Vec<f64>)>,
+    /// The controller's status at each step, in a word.
+    pub statuses: Vec<&'static str>,
+    /// Contents for `--json`.
+    pub report: Value,
+    /// Exit status.
+    pub status: u8,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// The fault, its place, and advice.
+pub fn run(args: &DriveArgs) -> Result<u8, Box<dyn Error>> {
+    Ok(driven(args)?.status)
+}
+
+/// Runs the command and gives the drive.
+///
+/// # Errors
+/// As [`run`].
+pub fn driven(args: &DriveArgs) -> Result<DriveResult, Box<dyn Error>> {
+    let positive = |value: f64| value.is_finite() && value > 0.0;
+    if !(positive(args.step) && args.duration.is_none_or(positive) && positive(args.lane)) {
+        return Err("--step, --duration and --lane must be positive".into());
+    }
+    for file in [&args.log, &args.json, &args.junit].into_iter().flatten() {
+        check_writable(file)?;
+    }
+    by_kind!(&args.vehicle, drive(args))
+}
+
+/// The controller that the command drives with.
+///
+/// # Errors
+/// As [`run`].
+pub fn controller(args: &DriveArgs) -> Result<Box<dyn Stepwise>, Box<dyn Error>> {
+    by_kind!(&args.vehicle, controller_of(args))
+}
+
+fn controller_of<P: Commanded<S, C, Nominal: Send>, const S: usize, const C: usize>(
+    args: &DriveArgs,
+) -> Result<Box<dyn Stepwise>, Box<dyn Error>>
+where
+    ControllerFor<P::Nominal, S>: Send + 'static,
+{
+    let (setup, _, model) = set_up::<P, S, C>(args)?;
+    Ok(Box::new(ControllerFor::predicting_with(setup.controller, setup.path, model)?))
+}
+
+/// Road, vehicle and controller from the arguments, and the controller's prediction model.
+#[allow(clippy::type_complexity)]
+fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &DriveArgs,
+) -> Result<
+    (Setup<P, S, C>, ControlVariant, PredictionModelFor<VehicleLinearModel<P, S, C>, S>),
+    Box<dyn Error>,
+> {
+    let smoothing = args.smooth.map_or(Smoothing::AsAccurate, Smoothing::Within);
+    let reading = PathOptions { smoothing, ..args.limit.road() };
+    let mut setup = Setup::<P, S, C>::new(args.path.as_deref(), &reading, P::TEST, &args.vehicle, &[])?;
+    let mut model = args.model.clone();
+    if let Some(file) = &args.controller {
+        let read = ControllerFile::read(file)?;
+        read.apply::<P::Nominal, S>(&mut setup.controller, file)?;
+        model.prefer(read.variant);
+    }
+    let sample_time = setup.controller.mpc.sample_time;
+    args.settings.iter().try_for_each(|text| setup.apply(text))?;
+    keep_up_with(args.step, sample_time, &model, &mut setup.controller)?;
+    if let Some(warning) = setup.controller.too_tight::<S>(&setup.path) {
+        warn!("warning: {warning}");
+    }
+    let (variant, model) = model.choose(&setup.controller)?;
+    Ok((setup, variant, model))
+}
+
+fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &DriveArgs,
+) -> Result<DriveResult, Box<dyn Error>> {
+    let mut args = args.clone();
+    let initial = Initial::take(&mut args.settings, P::KIND)?;
+    let args = &args;
+    let (setup, variant, model) = set_up::<P, S, C>(args)?;
+    let sample_time = setup.controller.mpc.sample_time;
+    let bar = progress_bar("driving", setup.path.length(), args.quiet);
+    let limits = LaneLimits { lateral_error: args.lane, ..LaneLimits::default() };
+    let mut closed = setup.connect(model, args.step)?.with_limits(limits).placed(initial.0);
+    warn_of_long_steps(args.step, sample_time, &args.model);
+    let begin = std::time::Instant::now();
+    let drive = closed.record(args.duration.unwrap_or(LONGEST), |row, _| {
+        bar.set_position(row[STATION].max(0.0) as u64);
+        true
+    });
+    let wall = begin.elapsed().as_secs_f64();
+    bar.finish_and_clear();
+    let found = closed.controller().known_actuator();
+    DriveReport::of(&drive, variant, sample_time, wall, found, args).give(&drive, args)
+}

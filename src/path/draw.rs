@@ -1,0 +1,196 @@
+//! The curve of a road whose points are checked: from their headings, near them, or through them.
+
+use super::error::{InputPlace, PathError};
+use super::noise::PointNoise;
+use super::note::Note;
+use super::read::Accuracy;
+use super::sample::{Sample, Smoothing};
+use super::smooth::{Goal, smooth};
+use super::spline::{Knot, QuinticSpline, Vector, distance};
+use super::wrap_angle;
+
+/// Largest disagreement of headings and curvatures with the points at which they still hold (rad).
+const DISAGREEMENT: f64 = 0.02;
+/// Tightest bend of a road that noise leaves drivable in m.
+const TIGHTEST: f64 = 2.0;
+
+/// The points of a road that are fit to be drawn.
+pub(super) struct Outline<'a> {
+    pub samples: &'a [Sample],
+    /// Relative to the road's origin.
+    pub points: Vec<Vector>,
+    pub periodic: bool,
+    /// Median, m.
+    pub spacing: f64,
+    pub noise: Option<&'a PointNoise>,
+}
+
+impl Outline<'_> {
+    /// The curve, as near the points as is asked for.
+    ///
+    /// # Errors
+    /// Noise leaves bends that nobody drives.
+    pub fn curve(
+        &self,
+        smoothing: Smoothing,
+        accuracy: Accuracy,
+        notes: &mut Vec<Note>,
+    ) -> Result<QuinticSpline, PathError> {
+        let pinned = !matches!(smoothing, Smoothing::Within(_));
+        let posed = self.poses(notes).filter(|_| pinned);
+        let near = posed.or_else(|| self.near(self.goal(smoothing, accuracy)?, notes));
+        let curve = near.unwrap_or_else(|| self.through(notes));
+        if let Some(noise) = self.noise {
+            let tightest = tightest(&curve);
+            if tightest * TIGHTEST > 1.0 {
+                return Err(noise.refusal(format!("has bends of {:.2} m radius", 1.0 / tightest)));
+            }
+        }
+        Ok(curve)
+    }
+
+    /// The goal of smoothing with the words for its reason; none where the curve goes through the points.
+    fn goal(&self, smoothing: Smoothing, accuracy: Accuracy) -> Option<(Goal, &'static str)> {
+        let (tolerance, why) = match (smoothing, accuracy) {
+            (Smoothing::None, _) | (Smoothing::AsAccurate, Accuracy::Exact) => (None, ""),
+            (Smoothing::Within(value), _) => (Some(value), ""),
+            (Smoothing::AsAccurate, Accuracy::Digit(digit)) => {
+                (rounding(digit, self.spacing), ", the rounding of the coordinates")
+            }
+            (Smoothing::AsAccurate, Accuracy::Measured(value)) => {
+                (Some(value), ", the accuracy of racetrack-database")
+            }
+        };
+        match self.noise {
+            // Unless the file's own accuracy is about that of its points.
+            Some(noise)
+                if !matches!(smoothing, Smoothing::Within(_))
+                    && tolerance.is_none_or(|known| noise.rms() > 1.5 * known) =>
+            {
+                Some((Goal::Nearest(noise.rms()), ", by their measured noise"))
+            }
+            _ => tolerance.map(|tolerance| (Goal::Within(tolerance), why)),
+        }
+    }
+
+    /// The smooth curve near the points, if there is one.
+    fn near(&self, (goal, why): (Goal, &str), notes: &mut Vec<Note>) -> Option<QuinticSpline> {
+        let points = &self.points;
+        let along = self.noise.map(|noise| noise.means(points, self.periodic));
+        let curve = smooth(points, along.as_deref(), self.periodic, goal)?;
+        let at_marks = curve.at_marks();
+        let distances = || at_marks.iter().zip(points).map(|(at, point)| distance(*at, *point));
+        let farthest = 1e3 * distances().fold(0.0, f64::max);
+        let rms = match goal {
+            Goal::Within(tolerance) => tolerance,
+            Goal::Nearest(_) => (distances().map(|d| d * d).sum::<f64>() / points.len() as f64).sqrt(),
+        };
+        notes.push(Note::info(format!(
+            "smoothed: {:.1} mm RMS from the points{why}; {farthest:.1} mm at most",
+            1e3 * rms
+        )));
+        Some(curve)
+    }
+
+    /// The curve through every point.
+    fn through(&self, notes: &mut Vec<Note>) -> QuinticSpline {
+        let curve = QuinticSpline::through(&self.points, self.periodic);
+        if let Some(error) = wobble(&curve) {
+            notes.push(Note::warning(format!(
+                "the curvature wobbles by {error:.4} 1/m from point to point: the points look noisy; give a \
+                 smoothing tolerance of about their noise"
+            )));
+        }
+        curve
+    }
+
+    /// The curve from heading and curvature, where the road has both and they fit its points.
+    fn poses(&self, notes: &mut Vec<Note>) -> Option<QuinticSpline> {
+        let (samples, points, periodic) = (self.samples, &self.points, self.periodic);
+        let column =
+            |value: fn(&Sample) -> Option<f64>| samples.iter().map(value).collect::<Option<Vec<f64>>>();
+        let (yaw, curvature) = match (column(|sample| sample.yaw), column(|sample| sample.curvature)) {
+            (Some(yaw), Some(curvature)) => (yaw, curvature),
+            (None, None)
+                if samples.iter().all(|sample| sample.yaw.is_none() && sample.curvature.is_none()) =>
+            {
+                return None;
+            }
+            _ => {
+                notes.push(Note::info("columns yaw and curvature are not used: every point must have both"));
+                return None;
+            }
+        };
+        let worst = worst_disagreement(points, &yaw, &curvature, periodic);
+        if worst < DISAGREEMENT {
+            return Some(QuinticSpline::through_poses(points, &yaw, &curvature, periodic));
+        }
+        notes.push(Note::info(format!(
+            "columns yaw and curvature are not used: they disagree with the points by up to {worst:.3} rad between \
+             neighbours"
+        )));
+        None
+    }
+}
+
+impl PointNoise {
+    /// The refusal of a road that noise has given a shape.
+    pub(super) fn refusal(&self, shape: String) -> PathError {
+        PathError::Noise { place: InputPlace::default(), rms: self.rms(), shape }
+    }
+}
+
+/// Largest curvature at the knots in 1/m.
+pub(super) fn tightest(curve: &QuinticSpline) -> f64 {
+    curve.knots.iter().map(|knot| curvature(knot).abs()).fold(0.0, f64::max)
+}
+
+/// Curvature at a knot in 1/m.
+fn curvature(knot: &Knot) -> f64 {
+    let speed = knot.d1[0].hypot(knot.d1[1]).max(1e-9);
+    (knot.d1[0] * knot.d2[1] - knot.d1[1] * knot.d2[0]) / speed.powi(3)
+}
+
+/// RMS curvature error of an interpolating curve in 1/m, if it looks like noise: large, and of alternating sign.
+fn wobble(curve: &QuinticSpline) -> Option<f64> {
+    let seconds: Vec<f64> = curve
+        .knots
+        .windows(3)
+        .map(|k| curvature(&k[0]) - 2.0 * curvature(&k[1]) + curvature(&k[2]))
+        .collect();
+    if seconds.len() < 20 {
+        return None;
+    }
+    let count = seconds.len() as f64;
+    // White noise has second differences of 6 times its variance, which change sign four times of five.
+    let error = (seconds.iter().map(|second| second * second).sum::<f64>() / count / 6.0).sqrt();
+    let changes = seconds.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count() as f64 / count;
+    (error > 0.005 && changes > 0.65).then_some(error)
+}
+
+/// RMS distance by which rounding to `digit` moves points, if that matters at their spacing.
+fn rounding(digit: f64, spacing: f64) -> Option<f64> {
+    let sigma = digit / 12f64.sqrt();
+    let curvature_error = 6f64.sqrt() * sigma / (spacing * spacing);
+    (curvature_error > 1e-5).then_some(sigma * 2f64.sqrt())
+}
+
+/// Largest error of headings and curvatures against the chords between neighbouring points, in rad.
+fn worst_disagreement(points: &[Vector], yaw: &[f64], curvature: &[f64], periodic: bool) -> f64 {
+    let n = points.len();
+    let last = if periodic { n } else { n - 1 };
+    (0..last).fold(0.0, |worst: f64, i| {
+        let j = (i + 1) % n;
+        let (a, b) = (points[i], points[j]);
+        let turn = wrap_angle(yaw[j] - yaw[i]);
+        let chord = distance(a, b);
+        let half = 0.5 * turn;
+        let arc = if half.abs() < 1e-6 { chord } else { chord * half / half.sin() };
+        // Of a clothoid: turn = mean curvature * arc, and the chord's direction is the mean heading less
+        // arc * (difference of curvature) / 12.
+        let from_turn = (turn - 0.5 * arc * (curvature[i] + curvature[j])).abs();
+        let chord_yaw = yaw[i] + half - arc * (curvature[j] - curvature[i]) / 12.0;
+        let from_chord = wrap_angle((b[1] - a[1]).atan2(b[0] - a[0]) - chord_yaw).abs();
+        worst.max(from_turn).max(from_chord)
+    })
+}
