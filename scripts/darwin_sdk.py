@@ -38,11 +38,18 @@ def linker(folder: Path) -> Path:
     if not found:
         raise SystemExit("darwin_sdk: this Rust brings no lld: install it by rustup")
     script = folder / "ld64.lld"
+    # The flavour is in the linker's own name, and newer compilers give it once more.
     script.write_text(
         "#!/usr/bin/env bash\n"
-        'arguments=()\nfor one in "$@"; do\n'
-        '  case "$one" in -Wl,*) IFS=, read -ra split <<<"${one#-Wl,}"; arguments+=("${split[@]}") ;; '
-        '*) arguments+=("$one") ;; esac\ndone\n'
+        "arguments=()\n"
+        "while [ $# -gt 0 ]; do\n"
+        '  case "$1" in\n'
+        "    -flavor) shift ;;\n"
+        '    -Wl,*) IFS=, read -ra split <<<"${1#-Wl,}"; arguments+=("${split[@]}") ;;\n'
+        '    *) arguments+=("$1") ;;\n'
+        "  esac\n"
+        "  shift\n"
+        "done\n"
         f'exec "{found[0]}" "${{arguments[@]}}"\n',
         encoding="utf-8",
     )

@@ -26,7 +26,9 @@ def plain(unit: str) -> str:
 UNITS = {spellings[0]: factor for ours, factor, spellings in listed() if ours != "other"}
 TIMES = tuple(spellings[0] for ours, _, spellings in listed() if ours == "s")
 
-_BY_SPELLING = {plain(spelling): spellings[0] for ours, _, spellings in listed() if ours != "other" for spelling in spellings}
+_BY_SPELLING = {
+    plain(spelling): spellings[0] for ours, _, spellings in listed() if ours != "other" for spelling in spellings
+}
 # Units of quantities that a drive log does not have; they show that a row is one of units.
 _OTHERS = {plain(spelling) for ours, _, spellings in listed() if ours == "other" for spelling in spellings}
 
