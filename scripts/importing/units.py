@@ -17,7 +17,9 @@ def listed() -> list[tuple[str, float, list[str]]]:
 
 def plain(unit: str) -> str:
     """A unit in small letters, its products and powers in one way of writing: 'm s⁻¹', 'm/sec.' are 'm/s'."""
-    signs = str.maketrans({"⁻": "-", "−": "-", "¹": "1", "²": "2", "^": "", "*": "", "·": "", ".": "", " ": ""})
+    signs = str.maketrans(
+        {"⁻": "-", "\N{MINUS SIGN}": "-", "¹": "1", "²": "2", "^": "", "*": "", "·": "", ".": "", " ": ""}
+    )
     found = re.sub(r"/(seconds|second|sec)", "/s", unit.lower().replace(" per ", "/").translate(signs))
     return re.sub(r"(?<=.)s-([12])$", lambda power: "/s" if power[1] == "1" else "/s2", found)
 
