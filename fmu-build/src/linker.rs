@@ -112,9 +112,14 @@ fn list_in(argument: &OsString) -> Option<(String, PathBuf)> {
     all.then(|| (text[..at].to_owned(), path.to_owned()))
 }
 
+/// What stands in the place of a function of Windows (`rfl_mpc::fmi::no_random_seed`), and is for the library alone.
+const OWN: &str = "ProcessPrng";
+
 /// A list of exports without the functions of other versions: rustc writes one on a line, for each kind of linker.
 fn exports_of(exports: &str, standard: Standard) -> String {
-    let others: Vec<_> = Standard::ALL.into_iter().filter(|other| *other != standard).map(prefix).collect();
+    let mut others: Vec<_> =
+        Standard::ALL.into_iter().filter(|other| *other != standard).map(prefix).collect();
+    others.push(OWN);
     let lines = exports.lines().filter(|line| !others.iter().any(|other| line.contains(other)));
     lines.fold(String::new(), |list, line| list + line + "\n")
 }

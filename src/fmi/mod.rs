@@ -21,6 +21,7 @@
 //! | `types.rs` | the C types that all versions share |
 //! | `version.rs` | the words in which versions differ |
 //! | `handle.rs` | what a host's pointer points to, and what guards it |
+//! | `windows.rs` | what takes the place of a function that older systems lack |
 //! | `v2/`, `v3/` | the C functions of a version, its table of calls, and the macro that exports them |
 
 pub mod call_error;
@@ -39,6 +40,8 @@ mod value;
 mod values;
 mod variable;
 mod version;
+#[cfg(windows)]
+mod windows;
 
 pub use model::{
     Array, Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Severity,
@@ -50,3 +53,5 @@ pub use value::{BinaryValue, Value};
 pub use values::Values;
 pub use variable::{Causality, Initial, Variability, Variable, VariableKind, Vr};
 pub use version::Version;
+#[cfg(windows)]
+pub use windows::no_random_seed;

@@ -443,6 +443,13 @@ unsupported! {
 #[macro_export]
 macro_rules! export_fmi2 {
     ($model:ty, $xml:expr $(,)?) => {
+        /// In the place of Windows' own: see `rfl_mpc::fmi::no_random_seed`.
+        #[cfg(windows)]
+        #[unsafe(no_mangle)]
+        #[allow(non_upper_case_globals)]
+        pub static __imp_ProcessPrng: unsafe extern "system" fn(*mut u8, usize) -> i32 =
+            $crate::fmi::no_random_seed;
+
         /// Creates an instance; see FMI 2.0, section 2.1.5.
         ///
         /// # Safety
