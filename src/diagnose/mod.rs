@@ -26,7 +26,7 @@
 //! | `form.rs` | errors of the model's form |
 //! | `noise.rs` | noise and remainders that a gap is measured against |
 //! | `profile.rs` | unknown bank and grade of the road |
-//! | `rank.rs` | candidates and their evidence |
+//! | `rank/` | candidates and their evidence |
 //! | `beliefs.rs` | prior beliefs before a log is seen |
 //! | `calibration.rs` | numbers of the statistical model, from `calibration.toml` |
 //! | `constancy.rs` | constancy of an effect's value |

@@ -444,11 +444,21 @@ unsupported! {
 macro_rules! export_fmi2 {
     ($model:ty, $xml:expr $(,)?) => {
         /// In the place of Windows' own: see `rfl_mpc::fmi::no_random_seed`.
+        ///
+        /// # Safety
+        /// `place` is valid for writes of `count` bytes.
+        #[cfg(windows)]
+        #[unsafe(no_mangle)]
+        pub unsafe extern "system" fn ProcessPrng(place: *mut u8, count: usize) -> i32 {
+            // SAFETY: by the caller's contract.
+            unsafe { $crate::fmi::no_random_seed(place, count) }
+        }
+
+        /// The pointer by which an imported function is called.
         #[cfg(windows)]
         #[unsafe(no_mangle)]
         #[allow(non_upper_case_globals)]
-        pub static __imp_ProcessPrng: unsafe extern "system" fn(*mut u8, usize) -> i32 =
-            $crate::fmi::no_random_seed;
+        pub static __imp_ProcessPrng: unsafe extern "system" fn(*mut u8, usize) -> i32 = ProcessPrng;
 
         /// Creates an instance; see FMI 2.0, section 2.1.5.
         ///

@@ -1,0 +1,275 @@
+//! Signs, frames and ratios that no unit explains: refused, or suspect.
+
+use super::ratios::{
+    Errors, STEEP, bend, course, errors, gravity, lateral, steered, turn_factor, way, winding,
+};
+use crate::log::clean_log::{CleanError, CleanLog};
+use crate::log::finding::FindingSeverity;
+use crate::log::kinematics::{self, Told};
+use crate::log::units::DEGREE;
+use crate::numerics::statistics::{Slope, median};
+use crate::vehicle::GRAVITY;
+
+/// Ratio of the steering to the needed one that an effect can explain.
+const PLAUSIBLE: std::ops::Range<f64> = 0.5..2.0;
+/// The same where a speed in knots or mph would be taken for an effect: nothing else in the log tells its unit.
+const SURE: std::ops::Range<f64> = 0.7..1.4;
+/// Signs of the errors to the path and of its curvature, and ratios that no unit explains.
+///
+/// # Errors
+/// A sign that is reversed; a factor.
+pub(in crate::log) fn check_errors(log: &CleanLog, steering: &dyn Fn(f64) -> f64) -> Result<(), CleanError> {
+    let Errors { lateral, drift, heading, turn } = errors(log);
+    let factor = |slope: Option<Slope>| slope.map(|slope| slope.factor);
+    let of_path = [
+        ("e1", "e1_rate", lateral),
+        ("e1_rate", "e2", drift),
+        ("e2", "e2_rate", heading),
+        ("e2_rate", "yaw_rate", turn),
+        ("curvature", "yaw_rate", factor(bend(log))),
+        ("curvature", "curvature_rate", factor(winding(log))),
+    ];
+    // Columns that agree with the vehicle's motion are not to blame.
+    check_signs(&[&of_path[..], &Motion::of(log, steering).pairs(log)].concat())?;
+    for (column, factor, against) in [
+        ("e1", lateral, "changes {} times as fast as e1_rate says"),
+        ("e1_rate", drift, "is {} times vy cos e2 + vx sin e2"),
+        ("e2", heading, "changes {} times as fast as e2_rate says"),
+        ("e2_rate", turn, "is {} times yaw_rate - vx * curvature"),
+    ] {
+        // Errors are projections; a factor of two is beyond all of that.
+        if let Some(factor) = factor.filter(|factor| !(0.5..2.0).contains(factor)) {
+            let words = against.replace("{}", &format!("{factor:.3}"));
+            return Err(CleanError::Contradicts { column, words });
+        }
+    }
+    Ok(())
+}
+
+/// Angle within which a course is that of a turned frame, rad, and slope over yaw of a mirrored one.
+const QUARTER: f64 = 0.2;
+const MIRRORED: std::ops::Range<f64> = -1.3..-0.7;
+/// Ratios among the columns of a vehicle's motion.
+struct Motion {
+    /// Change of yaw over the integral of yaw rate.
+    turn: Option<f64>,
+    /// Change of the course by x and y over that of yaw.
+    course: Option<f64>,
+    /// The angle between course and yaw, rad.
+    apart: f64,
+    /// The angle between course and a quarter turn less yaw, rad.
+    mirrored: f64,
+    /// `steer_cmd` and `steer` over the angle of steady cornering.
+    steered: [Option<f64>; 2],
+    /// ay over speed times yaw rate.
+    lateral: Option<f64>,
+    /// vy over the velocity across the body by x, y and yaw, or by ay.
+    across: Option<Told>,
+    /// ax over the change of vx.
+    along: Option<Told>,
+}
+
+impl Motion {
+    fn of(log: &CleanLog, steering: &dyn Fn(f64) -> f64) -> Self {
+        let turn = match (log.columns.get("yaw"), log.columns.get("yaw_rate")) {
+            (Some(yaw), Some(rate)) => turn_factor(&log.time, yaw, rate),
+            _ => None,
+        };
+        let course = course(log);
+        let (apart, mirrored) = course.map_or((0.0, 0.0), |course| (course.apart, course.mirrored));
+        let course = course.map(|course| course.slope.factor);
+        let steered =
+            ["steer_cmd", "steer"].map(|column| steered(log, column, steering).map(|slope| slope.factor));
+        Self {
+            turn,
+            course,
+            apart,
+            mirrored,
+            steered,
+            lateral: lateral(log).map(|slope| slope.factor),
+            across: kinematics::vy_factor(log),
+            along: kinematics::ax_factor(log),
+        }
+    }
+
+    /// The fault of a frame as a whole, where the course of x, y tells it: a sign alone would be the wrong advice.
+    fn frame(&self) -> Option<&'static str> {
+        let (course, turn) = (self.course?, self.turn?);
+        let quarter = self.mirrored.abs() < QUARTER && MIRRORED.contains(&course);
+        let backwards = self.apart.abs() > std::f64::consts::PI - QUARTER && MIRRORED.contains(&-course);
+        match turn < 0.0 {
+            true if quarter => Some(
+                "yaw is a heading from north, clockwise, as of a compass; give it from the x axis, counter-clockwise: pi/2 - \
+                 yaw (in degrees 90 - yaw)",
+            ),
+            false if quarter => Some(
+                "x and y stand for one another: x is the position to the east, y to the north where yaw counts from the east",
+            ),
+            true if backwards => Some(
+                "time runs backwards: the vehicle moves against yaw, and turns against yaw_rate; count time from the start of \
+                 the drive",
+            ),
+            _ => None,
+        }
+    }
+
+    /// Columns that should have one sign, and the factor between them.
+    fn pairs(&self, log: &CleanLog) -> [SignPair; 7] {
+        [
+            ("yaw", "yaw_rate", self.turn),
+            ("y", "yaw", self.course),
+            // Of a log without a command both are the same column.
+            ("steer_cmd", "yaw_rate", self.steered[0].filter(|_| log.commanded)),
+            ("steer", "yaw_rate", self.steered[1]),
+            ("ay", "yaw_rate", self.lateral),
+            ("vy", self.across.map_or("y", |(by, _)| by), self.across.map(|(_, factor)| factor)),
+            ("ax", "vx", self.along.map(|(_, factor)| factor)),
+        ]
+    }
+}
+
+/// Angle between yaw and the course that no slip explains, rad: with `vy` and its standard error, and without.
+const OFFSET: f64 = 0.05;
+const SURE_OFFSET: f64 = 0.01;
+const ANOTHER_AXIS: f64 = 0.3;
+/// Signs, and ratios that no unit explains.
+///
+/// # Errors
+/// A sign that is reversed; a steering-wheel angle.
+pub(in crate::log) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result<(), CleanError> {
+    let motion = Motion::of(log, steering);
+    if let Some(words) = motion.frame() {
+        return Err(CleanError::Frame { words });
+    }
+    check_signs(&motion.pairs(log))?;
+    let Motion { turn, course, apart, steered, lateral, along, .. } = motion;
+    let contradicts = |factor: &f64| !(0.4..2.5).contains(factor);
+    if let Some(factor) = lateral.filter(contradicts) {
+        let words = format!("ay is {factor:.2} times vx * yaw_rate: its unit, or that of vx, is another one");
+        log.find(FindingSeverity::Suspicion, "ay", words);
+    }
+    // Speed and yaw rate tell an angle at the steering wheel, if their own units are right.
+    let told = !lateral.is_some_and(|factor| contradicts(&factor));
+    let tells_speed =
+        lateral.is_some() || ["x", "station", "curvature"].iter().any(|name| log.columns.contains_key(name));
+    let (plausible, unknown) = if tells_speed {
+        (PLAUSIBLE, "")
+    } else {
+        (SURE, ", and no column tells the unit of vx (x and y, or ay, would)")
+    };
+    for (column, factor) in ["steer_cmd", "steer"].into_iter().zip(steered) {
+        match factor {
+            Some(factor) if told && factor > 400.0 => return Err(CleanError::SteeringWheel { column, ratio: factor * DEGREE, degrees: true }),
+            Some(factor) if told && factor > 6.0 => return Err(CleanError::SteeringWheel { column, ratio: factor, degrees: false }),
+            Some(factor) if !plausible.contains(&factor) && (log.commanded || column == "steer") => log.find(
+                FindingSeverity::Suspicion,
+                column,
+                format!(
+                    "{column} is {factor:.2} times what this vehicle would need for the turns of the log: another vehicle, another speed unit, or a wrong steering ratio{unknown}"
+                ),
+            ),
+            _ => {}
+        }
+    }
+    let felt = gravity(log, "bank").and_then(median).filter(|part| part.abs() > STEEP);
+    if let Some(part) = felt {
+        let words = format!(
+            "ay is {:+.1} m/s2 off vx * yaw_rate throughout: gravity or an offset is in it; take it out, or leave ay out",
+            part * GRAVITY
+        );
+        log.find(FindingSeverity::Suspicion, "ay", words);
+    }
+    if let Some(factor) = turn.filter(|factor| !(0.7..1.4).contains(factor)) {
+        let words =
+            format!("yaw changes {factor:.2} times as fast as yaw_rate says: one of them has another unit");
+        log.find(FindingSeverity::Suspicion, "yaw", words);
+    }
+    if let Some(words) = motion_of_clock(log, turn, along) {
+        log.find(FindingSeverity::Suspicion, "time", words);
+    }
+    let off = kinematics::yaw_offset(log)
+        .filter(|(angle, error)| angle.abs() > OFFSET && *error < SURE_OFFSET)
+        .map(|(angle, _)| angle)
+        .or(course.map(|_| apart).filter(|apart| apart.abs() > ANOTHER_AXIS));
+    if let Some(angle) = off {
+        let words = format!(
+            "the course of x, y is {angle:+.3} rad off yaw: yaw is measured from another axis; give it from the x axis, counter-clockwise"
+        );
+        log.find(FindingSeverity::Suspicion, "yaw", words);
+    }
+    Ok(())
+}
+
+/// Error of a clock from which on it is named, and share of it by which two relations may differ: a way is a chord of its
+/// bend, and shorter by up to 1 %.
+const CLOCK: f64 = 0.02;
+const ALIKE: f64 = 0.5;
+/// Words on a clock that runs at a wrong rate: one factor is missing wherever a change in time is compared with a rate. A
+/// sensor's scale is in one relation only.
+fn motion_of_clock(log: &CleanLog, turn: Option<f64>, along: Option<Told>) -> Option<String> {
+    // An acceleration is a rate; the change of vx is divided by the clock's time.
+    let along = along.map(|(_, factor)| 1.0 / factor);
+    let told =
+        [(way(log), "x and y move", "vx"), (turn, "yaw turns", "yaw_rate"), (along, "vx changes", "ax")];
+    let told: Vec<(f64, &str, &str)> =
+        told.into_iter().filter_map(|(factor, what, by)| Some((factor?, what, by))).collect();
+    let off = |factor: f64| (factor.max(1e-9)).ln();
+    let alike =
+        |a: f64, b: f64| off(a).abs() > CLOCK.ln_1p() && (off(a) - off(b)).abs() < ALIKE * off(a).abs();
+    let pair = told.iter().enumerate().find_map(|(i, one)| {
+        told[i + 1..].iter().find(|other| alike(one.0, other.0)).map(|other| (*one, *other))
+    });
+    let ((factor, what, by), (second, also, than)) = pair?;
+    Some(format!(
+        "{what} {factor:.3} times as fast as {by} says, and {also} {second:.3} times as fast as {than} says: the clock runs at \
+         another rate, or rows were lost and stamped anew; give the times at which the rows were measured (--rate HZ where \
+         there is no column time)"
+    ))
+}
+
+/// Two columns that should have one sign, and the factor between them.
+type SignPair = (&'static str, &'static str, Option<f64>);
+/// Finds the column whose sign contradicts the others.
+fn check_signs(pairs: &[SignPair]) -> Result<(), CleanError> {
+    // Whoever contradicts more columns than it agrees with is the one.
+    let score = |column: &str| {
+        let of = pairs.iter().filter(|(a, b, _)| *a == column || *b == column);
+        of.filter_map(|(_, _, factor)| *factor).map(|factor| if factor < 0.0 { 1 } else { -1 }).sum::<i32>()
+    };
+    let against = pairs.iter().filter(|(_, _, factor)| factor.is_some_and(|factor| factor < 0.0));
+    let scored = against.map(|&(one, other, _)| (one, other, score(one) - score(other)));
+    // The first of equals.
+    let Some((one, other, more)) = scored.rev().max_by_key(|(_, _, more)| more.abs()) else { return Ok(()) };
+    let (column, against) = if more < 0 { (other, one) } else { (one, other) };
+    Err(CleanError::Sign { column, against, tied: more == 0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn blamed(pairs: &[SignPair]) -> (&'static str, bool) {
+        match check_signs(pairs) {
+            Err(CleanError::Sign { column, tied, .. }) => (column, tied),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn who_contradicts_the_others_is_blamed() {
+        let all = |yaw: f64, course: f64, steer: f64, ay: f64| {
+            [
+                ("yaw", "yaw_rate", Some(yaw)),
+                ("y", "yaw", Some(course)),
+                ("steer", "yaw_rate", Some(steer)),
+                ("ay", "yaw_rate", Some(ay)),
+            ]
+        };
+        assert_eq!(blamed(&all(1.0, 1.0, -1.0, 1.0)).0, "steer");
+        assert_eq!(blamed(&all(-1.0, 1.0, -1.0, -1.0)).0, "yaw_rate");
+        assert_eq!(blamed(&all(-1.0, -1.0, 1.0, 1.0)).0, "yaw");
+        assert_eq!(blamed(&all(1.0, 1.0, 1.0, -1.0)).0, "ay");
+        assert!(blamed(&[("steer", "yaw_rate", Some(-1.0))]).1);
+        assert!(check_signs(&all(1.0, 1.0, 1.0, 0.9)).is_ok());
+    }
+}
