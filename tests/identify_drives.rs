@@ -223,7 +223,7 @@ fn commands_that_come_seldom_are_said() {
     let says = |log: &SteeringLog| log.findings.iter().any(|it| it.summary.contains("if it changed between"));
     assert!(!says(&recorded(&drive, |_, row| row)));
     // One command in three, however the rows between are written.
-    let one_in = |row: usize, command: f64| if row % 3 == 0 { command } else { f64::NAN };
+    let one_in = |row: usize, command: f64| if row.is_multiple_of(3) { command } else { f64::NAN };
     assert!(says(&recorded(&drive, |row, [command, angle]| [one_in(row, command), angle])));
     let commands = drive.steer_cmd.clone();
     assert!(!says(&recorded(&drive, |row, [_, angle]| [commands[row / 3 * 3], angle])));
