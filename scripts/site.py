@@ -20,6 +20,8 @@ SITE = ROOT / "out" / "site"
 PAGES = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "blind/README.md", "examples/ci/README.md"]
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 PICTURES = {".png", ".svg"}
+# Names of files and commands stay in one piece; what is wider scrolls.
+STYLE = ".md-typeset td:first-child code { white-space: nowrap; }\n"
 
 
 def pages() -> list[Path]:
@@ -69,6 +71,7 @@ def stage(folder: Path) -> list[str]:
         out = folder / place
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(LINK.sub(rewrite, (ROOT / page).read_text(encoding="utf-8")), encoding="utf-8")
+    (folder / "site.css").write_text(STYLE, encoding="utf-8")
     return missing
 
 
@@ -88,7 +91,9 @@ def main() -> int:
     command = [sys.executable, "-m", "mkdocs", "serve" if given.serve else "build", "--strict", "--quiet"]
     done = subprocess.run(command, cwd=ROOT, check=False).returncode
     if not done and not given.serve:
-        print(f"site: {(SITE / 'html' / 'index.html').relative_to(ROOT)}")
+        print(
+            f"site: {(SITE / 'html' / 'index.html').relative_to(ROOT)} (a search needs a server: scripts/site --serve)"
+        )
     return done
 
 
