@@ -74,3 +74,65 @@ pub fn chosen(log: &CleanLog) -> (Cow<'_, CleanLog>, Option<Finding>) {
     );
     (Cow::Owned(short), Some(Finding { gravity: FindingSeverity::Note, signal: None, summary: words }))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Blocks of 20 s, 10 rows a second: the speed of each, and how much its steering moves.
+    fn log(blocks: &[(f64, f64)]) -> CleanLog {
+        let rows = 200 * blocks.len();
+        let of = |row: usize| blocks[row / 200];
+        let column = |value: &dyn Fn(usize) -> f64| (0..rows).map(value).collect::<Vec<f64>>();
+        CleanLog {
+            step: 0.1,
+            time: column(&|row| 0.1 * row as f64),
+            columns: [
+                ("vx", column(&|row| of(row).0)),
+                ("steer_cmd", column(&|row| of(row).1 * (0.3 * row as f64).sin())),
+            ]
+            .into(),
+            commanded: true,
+            valid: vec![true; rows],
+            findings: Vec::new(),
+        }
+    }
+
+    fn used(log: &CleanLog) -> Vec<usize> {
+        let (short, _) = chosen(log);
+        short.time.chunks(200).map(|block| (block[0] / 20.0).round() as usize).collect()
+    }
+
+    #[test]
+    fn a_log_of_a_few_minutes_is_used_whole() {
+        let log = log(&[(10.0, 0.1); 20]);
+        let (same, words) = chosen(&log);
+        assert!(matches!(same, Cow::Borrowed(_)) && words.is_none());
+    }
+
+    #[test]
+    fn the_stretches_that_steer_most_are_used_at_each_speed_and_in_their_order() {
+        // Four speeds, eight blocks each; the steering moves in every second one.
+        let blocks: Vec<(f64, f64)> = (0..32)
+            .map(|b| (8.0 + 5.0 * f64::from(b % 4), if b / 4 % 2 == 0 { 0.001 } else { 0.05 }))
+            .collect();
+        let log = log(&blocks);
+        let used = used(&log);
+        assert_eq!(used.len(), 12);
+        assert!(used.is_sorted() && used.iter().all(|&b| blocks[b].1 > 0.01), "{used:?}");
+        for speed in [8.0, 13.0, 18.0, 23.0] {
+            assert_eq!(used.iter().filter(|&&b| blocks[b].0 == speed).count(), 3, "{speed} m/s in {used:?}");
+        }
+        assert!(chosen(&log).1.is_some_and(|note| note.summary.contains("of 11 min, 12 blocks")));
+    }
+
+    #[test]
+    fn what_does_not_count_and_what_stands_is_not_chosen() {
+        let mut blocks = vec![(10.0, 0.05); 24];
+        blocks[3].0 = 1.0;
+        let mut log = log(&blocks);
+        log.valid[7 * 200..8 * 200].fill(false);
+        let used = used(&log);
+        assert!(!used.contains(&3) && !used.contains(&7), "{used:?}");
+    }
+}
