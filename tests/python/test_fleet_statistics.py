@@ -172,6 +172,17 @@ def test_what_all_sisters_share_is_said_of_the_type_and_changes_of_their_vehicle
         assert it.value - it.before == pytest.approx(value * scale, abs=1.0 * scale), vehicle
 
 
+def test_an_error_of_many_tolerances_is_the_type_s_and_no_spread(fleet):
+    rng = np.random.default_rng(11)
+    shares = (np.array([0.3, 0.3, 0.3, 0.3, 0.0]), np.array([0.2, 0.2, 0.2, 0.2, 0.0]))
+    common = np.array([0.2, 14.0, -0.3, 0.1, 0.0])
+    state = reduced(fleet, *drawn(fleet, rng, 9, 25, of=shares, common=common))
+    assert [one.effect for one in state.common] == ["e1"]
+    assert state.common[0].low < 14.0 < state.common[0].high
+    assert state.spread.between_vehicles[1] < 1.0
+    assert not any(any(one.said) for one in state.vehicles)
+
+
 def test_a_fleet_in_which_nothing_changes_has_no_changes(fleet):
     rng = np.random.default_rng(11)
     shares = (np.array([0.3, 0.1, 0.3, 0.5, 0.0]), np.array([0.2, 0.5, 0.1, 0.3, 0.0]))

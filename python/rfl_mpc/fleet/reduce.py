@@ -86,7 +86,7 @@ def reduce_type(
     number = np.repeat(np.arange(len(sample)), [len(of) for _, of in sample])
     rate, settled, found = RATE, drives, ordinary(parameters)
     for last in range(PASSES):
-        found, common = _common(settled, number, found)
+        found, common, offset = _common(settled, number, found)
         if last == PASSES - 1:
             break
         shift, expected = drives.shift.copy(), 0.0
@@ -98,7 +98,8 @@ def reduce_type(
             shift[own] -= np.einsum("dij,dj->di", drives.precision[own], vehicle.offsets(changes.known))
         rate = rate_of(expected, len(drives))
         settled = Drives(parameters, drives.precision, shift)
-        found = spread(settled, number)
+        # An error that all share is many tolerances off: left in, it would be taken for their spread.
+        found = spread(Drives(parameters, drives.precision, shift - drives.precision @ offset), number)
     states: list[VehicleState] = []
     count = 0
     for done, name in enumerate(vehicles, 1):
@@ -152,14 +153,16 @@ def _sample(vehicles: Sequence[str], summaries: Summaries) -> list[tuple[str, li
     return sorted(drawn)
 
 
-def _common(drives: Drives, number: np.ndarray, of: Spread) -> tuple[Spread, list[Change]]:
-    """Effects that all vehicles of a type have, and the spread about them."""
+def _common(drives: Drives, number: np.ndarray, of: Spread) -> tuple[Spread, list[Change], np.ndarray]:
+    """Effects that all vehicles of a type have, the spread about them, and what they add to the parameters."""
     precision, shift = type_likelihood(drives, number, of)
     usual = of.free.astype(float)
     nothing = np.zeros_like(usual)
     about = Spread(of.free, nothing, np.zeros((len(usual), len(usual))), usual, nothing)
-    found = Vehicle(Drives(drives.parameters, precision[None], shift[None]), about).changes()
-    return Spread(of.free, found.mean, found.covariance, of.between_vehicles, of.between_drives), found.changes
+    type = Vehicle(Drives(drives.parameters, precision[None], shift[None]), about)
+    found = type.changes()
+    spread = Spread(of.free, found.mean, found.covariance, of.between_vehicles, of.between_drives)
+    return spread, found.changes, type.offsets(found.known)[0]
 
 
 def say(types: Iterable[TypeState], false: float = FALSE) -> None:
