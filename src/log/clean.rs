@@ -42,10 +42,8 @@ impl CleanLog {
 /// A checked log: prepared for comparison, and the data on its rows for other uses.
 pub(super) struct Checked {
     pub log: CleanLog,
-    /// The file's columns, row by row, in SI units, mended but for what comes late; what is wrong is not a number.
-    pub columns: LogColumns,
-    /// The drives in the file: rows in their order, and their times.
-    pub drives: Vec<Clock>,
+    /// What was mended in the file.
+    pub file: MendedFile,
     /// Columns that come late.
     pub late: Lateness,
     /// Reasons for which nothing can be learned from the errors to the path.
@@ -90,9 +88,8 @@ pub(super) fn check(
     let read =
         if impossible.is_empty() { read } else { Read::of(log, commanded, &impossible, &[], steering)? };
     let read = without_jumps(log, commanded, &impossible, read, steering)?;
-    let columns = read.in_rows_of(log);
-    let Read { mut log, drives, .. } = read;
-    let seams = with_seams(&mut log, &drives);
+    let Read { mut log, file } = read;
+    let seams = with_seams(&mut log, &file.drives);
     let signs = agreement::check(&mut log, steering);
     let errors = agreement::check_errors(&log, steering);
     without_seams(&mut log, &seams);
@@ -114,7 +111,7 @@ pub(super) fn check(
     }
     describe(&mut log);
     log.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
-    Ok(Checked { log, columns, drives, late, errors })
+    Ok(Checked { log, file, late, errors })
 }
 
 /// A log whose place jumps, as several drives; without its place, if these were too short.
@@ -125,7 +122,7 @@ fn without_jumps(
     read: Read,
     steering: &dyn Fn(f64) -> f64,
 ) -> Result<Read, CleanError> {
-    let jumps = jumps::jumps(log, &read.drives, &read.factors, &read.left_out);
+    let jumps = jumps::jumps(log, &read.file.drives, &read.file.factors, &read.file.left_out);
     let Some(first) = jumps.first() else { return Ok(read) };
     let judged = |read: &Read| read.log.valid.iter().filter(|valid| **valid).count();
     match Read::of(log, commanded, wrong, &jumps, steering) {
@@ -135,7 +132,7 @@ fn without_jumps(
             log.retain(|name, _| !matches!(*name, "x" | "y"));
             let mut read = Read::of(&log, commanded, wrong, &[], steering)?;
             for name in ["x", "y"] {
-                read.left_out.insert(name, (0..log["vx"].len()).collect());
+                read.file.left_out.insert(name, (0..log["vx"].len()).collect());
             }
             let words = format!(
                 "x and y jump {} times, first by {:.1} m in row {}, and agree with vx for too short a time between: they are left out",
@@ -152,9 +149,17 @@ fn without_jumps(
 /// A log on an even clock in SI units.
 struct Read {
     log: CleanLog,
+    file: MendedFile,
+}
+
+/// What was mended in a file.
+pub(super) struct MendedFile {
+    /// Factors of the columns; those in SI units are not named.
     factors: Factors,
+    /// Rows whose value in a column is wrong.
     left_out: WrongRows,
-    drives: Vec<Clock>,
+    /// The drives: rows in their order, and their times.
+    pub drives: Vec<Clock>,
     /// Mended columns before they were brought to an even clock, the row of the file of each, and factors that are in them.
     mended: LogColumns,
     in_file: Vec<usize>,
@@ -210,8 +215,8 @@ impl Read {
         fill_in(&mut mended);
         leave_out_faults(&mut mended);
         let LogRows { columns, spans, findings, left_out, in_file, .. } = mended;
-        let (mended, factors_in_mended) = (columns.clone(), factors.clone());
-        let mut log = on_even_clocks(&drives, &spans, columns, commanded, &left_out, findings)?;
+        let factors_in_mended = factors.clone();
+        let mut log = on_even_clocks(&drives, &spans, &columns, commanded, &left_out, findings)?;
         let seams = with_seams(&mut log, &drives);
         agreement::mend_units(&mut log, &mut factors);
         without_seams(&mut log, &seams);
@@ -219,11 +224,14 @@ impl Read {
         let seams = with_seams(&mut log, &drives);
         agreement::mend_steering(&mut log, &mut factors, steering);
         without_seams(&mut log, &seams);
-        Ok(Self { log, factors, left_out, drives, mended, in_file, factors_in_mended })
+        let file = MendedFile { factors, left_out, drives, mended: columns, in_file, factors_in_mended };
+        Ok(Self { log, file })
     }
+}
 
-    /// The columns of a file, mended.
-    fn in_rows_of(&self, file: &LogColumns) -> LogColumns {
+impl MendedFile {
+    /// The columns of the file, row by row, in SI units, mended but for what comes late; what is wrong is not a number.
+    pub fn columns(&self, file: &LogColumns) -> LogColumns {
         let factor = |factors: &Factors, name: &str| factors.get(name).copied().unwrap_or(1.0);
         let mut columns = file.clone();
         for (&name, column) in &mut columns {
@@ -369,8 +377,8 @@ const BOUNDED: [&str; 10] = ["steer_cmd", "steer", "x", "y", "yaw", "vx", "vy", 
 fn impossible(log: &LogColumns, read: &Read) -> Result<WrongRows, CleanError> {
     let mut all = BTreeMap::new();
     for (&name, values) in log.iter().filter(|(name, _)| BOUNDED.contains(name)) {
-        let factor = read.factors.get(name).copied().unwrap_or(1.0);
-        let known = read.left_out.get(name).map(Vec::as_slice).unwrap_or_default();
+        let factor = read.file.factors.get(name).copied().unwrap_or(1.0);
+        let known = read.file.left_out.get(name).map(Vec::as_slice).unwrap_or_default();
         let mut rows = outliers::impossible(name, values, factor);
         rows.retain(|row| !known.contains(row));
         if rows.is_empty() {
@@ -407,7 +415,7 @@ fn without_seams(log: &mut CleanLog, rows: &[usize]) {
 fn on_even_clocks(
     drives: &[Clock],
     spans: &[Range<usize>],
-    columns: LogColumns,
+    columns: &LogColumns,
     commanded: bool,
     left_out: &WrongRows,
     findings: Vec<Finding>,
@@ -418,7 +426,7 @@ fn on_even_clocks(
     let (mut logs, mut first_error) = (Vec::new(), None);
     for (i, (drive, span)) in drives.iter().zip(spans).enumerate() {
         let part = columns.iter().map(|(&name, values)| (name, values[span.clone()].to_vec())).collect();
-        match on_even_clock(drive, part, commanded, left_out, Vec::new()) {
+        match on_even_clock(drive, &part, commanded, left_out, Vec::new()) {
             Ok(log) => logs.push((format!("drive {}", i + 1), log)),
             Err(error) => first_error = first_error.or(Some(error)),
         }
@@ -500,7 +508,7 @@ const MAY_REST: [&str; 10] = [
 /// Interpolates all columns; leaves out uninformative ones.
 fn on_even_clock(
     clock: &clock::Clock,
-    columns: LogColumns,
+    columns: &LogColumns,
     commanded: bool,
     left_out: &WrongRows,
     findings: Vec<Finding>,
@@ -516,12 +524,12 @@ fn on_even_clock(
         valid: vec![true; count],
         findings,
     };
-    for (name, values) in columns {
+    for (&name, values) in columns {
         let needed = NEEDED.contains(&name) && (name != "steer" || !commanded);
         // What was left out was said.
         let said = left_out.get(name).map_or(0, Vec::len);
         let missing = values.iter().filter(|value| !value.is_finite()).count().saturating_sub(said);
-        let resampled = resample(&clock.time, &values, (first, clock.step, count), between(name));
+        let resampled = resample(&clock.time, values, (first, clock.step, count), between(name));
         let guessed =
             resampled.as_ref().map_or(count, |column| column.guessed.iter().filter(|far| **far).count());
         let Some(resampled) = resampled.filter(|_| 2 * guessed < count) else {

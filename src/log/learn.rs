@@ -89,7 +89,7 @@ pub fn drives_of(
     for finding in checked.log.findings.iter().filter(|finding| finding.gravity > FindingSeverity::Note) {
         note(format!("{}: {}", file.display(), finding.summary));
     }
-    let columns = checked.columns;
+    let columns = checked.file.columns(&columns);
     let in_order = |stamps: &[f64]| {
         let stamps: Vec<f64> = stamps.iter().copied().filter(|stamp| stamp.is_finite()).collect();
         stamps.windows(2).all(|pair| pair[0] < pair[1])
@@ -103,7 +103,7 @@ pub fn drives_of(
         }
         drive_of(&CheckedRows { file: file.clone(), columns }, road, note)
     };
-    match &checked.drives[..] {
+    match &checked.file.drives[..] {
         // Gaps are dealt with where windows are laid.
         [one] if one.factor == 1.0 && in_order(&columns["time"]) => Ok(vec![road(note, columns)?]),
         drives => {

@@ -159,10 +159,10 @@ def _common(drives: Drives, number: np.ndarray, of: Spread) -> tuple[Spread, lis
     usual = of.free.astype(float)
     nothing = np.zeros_like(usual)
     about = Spread(of.free, nothing, np.zeros((len(usual), len(usual))), usual, nothing)
-    type = Vehicle(Drives(drives.parameters, precision[None], shift[None]), about)
-    found = type.changes()
-    spread = Spread(of.free, found.mean, found.covariance, of.between_vehicles, of.between_drives)
-    return spread, found.changes, type.offsets(found.known)[0]
+    sisters = Vehicle(Drives(drives.parameters, precision[None], shift[None]), about)
+    found = sisters.changes()
+    learned = Spread(of.free, found.mean, found.covariance, of.between_vehicles, of.between_drives)
+    return learned, found.changes, sisters.offsets(found.known)[0]
 
 
 def say(types: Iterable[TypeState], false: float = FALSE) -> None:

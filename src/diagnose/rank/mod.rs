@@ -304,77 +304,74 @@ mod tests {
     use super::nested::STRAINED;
     use super::search::STEPS;
     use super::*;
-    use crate::diagnose::fit::fit;
     use crate::diagnose::library::Library;
     use crate::diagnose::replay::{ReplayDrive, neutral};
     use crate::diagnose::simulated::{Conditions, drive};
-    use crate::vehicle::{TruckEffects, builtin};
+    use crate::vehicle::{CarParameters, TruckEffects, builtin};
 
-    #[test]
-    fn a_load_is_fitted_in_place_of_a_mass_that_is_strained() {
+    /// A search on a drive of the default car with effects, at the expected tolerances.
+    fn searched(put_in: &[(&str, f64)], test: impl FnOnce(Search<CarParameters>)) {
         let car = builtin("c_class").unwrap();
         let mut effects = TruckEffects::default();
-        (effects.vehicle.payload, effects.vehicle.steer_offset) = (300.0, 0.02);
+        put_in.iter().for_each(|&(id, value)| *effects.get_mut(id).unwrap() = value);
         let conditions = Conditions { seed: 3, duration: 20.0, step: 0.02, ..Conditions::default() };
         let log = drive(&car, &effects, &conditions).unwrap();
         let drive = ReplayDrive::new(&log, false);
         let correction = neutral(&drive, &car).unwrap();
         let problem = Problem::new(&drive, &car, &correction, Library::default(), 0);
         let prior = Prior::of(&problem);
-        let [mass, load, offset] =
-            ["vehicle.mass", "payload", "steer_offset"].map(|id| problem.find(id).unwrap());
-        let start = prior.mean.clone();
-        let gap = problem.residual(&start).unwrap();
-        let noise = Noise::of(&problem, &problem.trace(&start).unwrap(), &prior.form);
-        let linear = Linearisation::new(problem.slopes(&start, &gap), noise.weights(&problem));
-        let search = Search { problem: &problem, prior: &prior, linear: &linear };
-        let with_mass_at = |x: f64| {
-            let mut at = start.clone();
-            at[mass] = x;
-            fit(&problem, &prior.holding(&[mass], &at), &linear, &[offset], &at, STEPS).unwrap()
-        };
-        let strained = with_mass_at(6.0);
-        let found = search.loaded(std::slice::from_ref(&strained));
-        let [of_load] = found.as_slice() else { panic!("{}", found.len()) };
-        assert_eq!(of_load.free, [offset, load]);
-        let kilograms = of_load.x[load] * problem.uncertain[load].unit;
-        assert!((kilograms - 300.0).abs() < 60.0, "{kilograms}");
-        assert!(of_load.x[mass].abs() < STRAINED, "{}", of_load.x[mass]);
-        // Within its tolerance a mass is no load.
-        assert!(search.loaded(&[with_mass_at(2.0)]).is_empty());
+        let gap = problem.residual(&prior.mean).unwrap();
+        let noise = Noise::of(&problem, &problem.trace(&prior.mean).unwrap(), &prior.form);
+        let linear = Linearisation::new(problem.slopes(&prior.mean, &gap), noise.weights(&problem));
+        test(Search { problem: &problem, prior: &prior, linear: &linear });
+    }
+
+    #[test]
+    fn a_load_is_fitted_in_place_of_a_mass_that_is_strained() {
+        searched(&[("payload", 300.0), ("steer_offset", 0.02)], |search| {
+            let Search { problem, prior, .. } = search;
+            let [mass, load, offset] =
+                ["vehicle.mass", "payload", "steer_offset"].map(|id| problem.find(id).unwrap());
+            let start = prior.mean.clone();
+            let with_mass_at = |x: f64| {
+                let mut at = start.clone();
+                at[mass] = x;
+                Search { prior: &prior.holding(&[mass], &at), ..search }.fit(&[offset], &at, STEPS).unwrap()
+            };
+            let strained = with_mass_at(6.0);
+            let found = search.loaded(std::slice::from_ref(&strained));
+            let [of_load] = found.as_slice() else { panic!("{}", found.len()) };
+            assert_eq!(of_load.free, [offset, load]);
+            let kilograms = of_load.x[load] * problem.uncertain[load].unit;
+            assert!((kilograms - 300.0).abs() < 60.0, "{kilograms}");
+            assert!(of_load.x[mass].abs() < STRAINED, "{}", of_load.x[mass]);
+            // Within its tolerance a mass is no load.
+            assert!(search.loaded(&[with_mass_at(2.0)]).is_empty());
+        });
     }
 
     #[test]
     fn what_a_search_gave_to_the_background_is_got_back_afresh() {
-        let car = builtin("c_class").unwrap();
-        let mut effects = TruckEffects::default();
-        effects.vehicle.steer_delay = 0.1;
-        let conditions = Conditions { seed: 3, duration: 20.0, step: 0.02, ..Conditions::default() };
-        let log = drive(&car, &effects, &conditions).unwrap();
-        let drive = ReplayDrive::new(&log, false);
-        let correction = neutral(&drive, &car).unwrap();
-        let problem = Problem::new(&drive, &car, &correction, Library::default(), 0);
-        let prior = Prior::of(&problem);
-        let [delay, rear] = ["steer_delay", "tyre_stiffness_rear"].map(|id| problem.find(id).unwrap());
-        let start = prior.mean.clone();
-        let gap = problem.residual(&start).unwrap();
-        let noise = Noise::of(&problem, &problem.trace(&start).unwrap(), &prior.form);
-        let linear = Linearisation::new(problem.slopes(&start, &gap), noise.weights(&problem));
-        let search = Search { problem: &problem, prior: &prior, linear: &linear };
-        let none = search.fit_none(&start).unwrap();
-        // Found with a rear axle that is too soft by two tolerances.
-        let mut astray = start;
-        (astray[delay], astray[rear]) = (4.0, -0.8);
-        let mut found =
-            fit(&problem, &prior.holding(&[rear], &astray), &linear, &[delay], &astray, STEPS).unwrap();
-        search.reweighed(&mut found);
-        let before = found.cost;
-        let mut fits = vec![found];
-        search.relinearise(&none, &mut fits);
-        let [now] = fits.as_slice() else { panic!("{}", fits.len()) };
-        assert!(now.cost < 0.5 * before, "{} {before} {}", now.cost, none.cost);
-        let seconds = problem.uncertain[delay].value(now.x[delay]);
-        assert!((seconds - 0.1).abs() < 0.01, "{seconds}");
-        assert!(now.x[rear].abs() < 3.0 * problem.uncertain[rear].tolerance, "{}", now.x[rear]);
+        searched(&[("steer_delay", 0.1)], |search| {
+            let Search { problem, prior, .. } = search;
+            let [delay, rear] = ["steer_delay", "tyre_stiffness_rear"].map(|id| problem.find(id).unwrap());
+            let start = prior.mean.clone();
+            let none = search.fit_none(&start).unwrap();
+            // Found with a rear axle that is too soft by two tolerances.
+            let mut astray = start;
+            (astray[delay], astray[rear]) = (4.0, -0.8);
+            let mut found = Search { prior: &prior.holding(&[rear], &astray), ..search }
+                .fit(&[delay], &astray, STEPS)
+                .unwrap();
+            search.reweighed(&mut found);
+            let before = found.cost;
+            let mut fits = vec![found];
+            search.relinearise(&none, &mut fits);
+            let [now] = fits.as_slice() else { panic!("{}", fits.len()) };
+            assert!(now.cost < 0.5 * before, "{} {before} {}", now.cost, none.cost);
+            let seconds = problem.uncertain[delay].value(now.x[delay]);
+            assert!((seconds - 0.1).abs() < 0.01, "{seconds}");
+            assert!(now.x[rear].abs() < 3.0 * problem.uncertain[rear].tolerance, "{}", now.x[rear]);
+        });
     }
 }

@@ -18,6 +18,7 @@ pub(in crate::log) type Factors = BTreeMap<&'static str, f64>;
 
 /// Metres in a degree of longitude, 111,000 at most: positions that move more slowly than this share of the speed are degrees.
 const LARGEST_DEGREE: f64 = 1e-4;
+
 /// Converts columns in foreign units, by their relations to others. To be called before all else.
 pub(in crate::log) fn mend_units(log: &mut CleanLog, factors: &mut Factors) {
     let way = way(log);

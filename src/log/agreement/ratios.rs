@@ -18,6 +18,7 @@ const LONGEST_CHORD: f64 = 2.0;
 pub(super) const MILD: f64 = 3.0;
 /// Length of the stretches that are compared, s: longer than any delay, shorter than a bend.
 pub(super) const BLOCK: f64 = 0.5;
+
 /// Ratio of the change of yaw to that of yaw rate's integral; `None` where the two hardly correlate, as without turns.
 /// Compared over spans of time: from row to row noise exceeds the changes.
 pub(in crate::log) fn turn_factor(time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Option<f64> {
@@ -197,6 +198,7 @@ pub(super) const LEANING: [Leaning; 3] = [
 ];
 /// Angles to the road, and of the road, that no road vehicle has for long, rad.
 pub(super) const STEEP: f64 = 0.8;
+
 pub(super) fn turning(log: &CleanLog) -> Option<Vec<f64>> {
     let (vx, rate) = (log.columns.get("vx")?, log.columns.get("yaw_rate")?);
     Some(vx.iter().zip(rate).map(|(v, rate)| v * rate).collect())

@@ -14,6 +14,7 @@ use crate::vehicle::GRAVITY;
 const PLAUSIBLE: std::ops::Range<f64> = 0.5..2.0;
 /// The same where a speed in knots or mph would be taken for an effect: nothing else in the log tells its unit.
 const SURE: std::ops::Range<f64> = 0.7..1.4;
+
 /// Signs of the errors to the path and of its curvature, and ratios that no unit explains.
 ///
 /// # Errors
@@ -49,6 +50,7 @@ pub(in crate::log) fn check_errors(log: &CleanLog, steering: &dyn Fn(f64) -> f64
 /// Angle within which a course is that of a turned frame, rad, and slope over yaw of a mirrored one.
 const QUARTER: f64 = 0.2;
 const MIRRORED: std::ops::Range<f64> = -1.3..-0.7;
+
 /// Ratios among the columns of a vehicle's motion.
 struct Motion {
     /// Change of yaw over the integral of yaw rate.
@@ -132,6 +134,7 @@ impl Motion {
 const OFFSET: f64 = 0.05;
 const SURE_OFFSET: f64 = 0.01;
 const ANOTHER_AXIS: f64 = 0.3;
+
 /// Signs, and ratios that no unit explains.
 ///
 /// # Errors
@@ -204,6 +207,7 @@ pub(in crate::log) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -
 /// bend, and shorter by up to 1 %.
 const CLOCK: f64 = 0.02;
 const ALIKE: f64 = 0.5;
+
 /// Words on a clock that runs at a wrong rate: one factor is missing wherever a change in time is compared with a rate. A
 /// sensor's scale is in one relation only.
 fn motion_of_clock(log: &CleanLog, turn: Option<f64>, along: Option<Told>) -> Option<String> {
@@ -229,6 +233,7 @@ fn motion_of_clock(log: &CleanLog, turn: Option<f64>, along: Option<Told>) -> Op
 
 /// Two columns that should have one sign, and the factor between them.
 type SignPair = (&'static str, &'static str, Option<f64>);
+
 /// Finds the column whose sign contradicts the others.
 fn check_signs(pairs: &[SignPair]) -> Result<(), CleanError> {
     // Whoever contradicts more columns than it agrees with is the one.
