@@ -12,6 +12,7 @@
 use super::problem::Problem;
 use super::profile::SampleWeights;
 use super::replay::{Channel, ReplayVehicle};
+use crate::numerics::lanes::{FOUR, Lanes, Work, compute};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -58,19 +59,33 @@ pub struct LinearSolution {
     pub cost: f64,
 }
 
-/// Sums that [`dot`] runs side by side: one alone would wait for each addition before the next.
-const SIDE_BY_SIDE: usize = 8;
+/// Sums of [`dot`] that run side by side: one alone would wait for each addition before the next.
+const SIDE_BY_SIDE: usize = 2;
 
+/// Sum of products.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; SIDE_BY_SIDE];
-    let (parts_a, parts_b) = (a.chunks_exact(SIDE_BY_SIDE), b.chunks_exact(SIDE_BY_SIDE));
-    let rest: f64 = parts_a.remainder().iter().zip(parts_b.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in parts_a.zip(parts_b) {
-        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
-            *sum += a * b;
+    compute(Dot(a, b))
+}
+
+struct Dot<'a>(&'a [f64], &'a [f64]);
+
+impl Work for Dot<'_> {
+    type Given = f64;
+
+    #[inline(always)]
+    fn with<L: Lanes<Stored = [f64; FOUR]>>(self) -> f64 {
+        let ((a, rest_a), (b, rest_b)) = (self.0.as_chunks::<FOUR>(), self.1.as_chunks::<FOUR>());
+        let ((a, more_a), (b, more_b)) = (a.as_chunks::<SIDE_BY_SIDE>(), b.as_chunks::<SIDE_BY_SIDE>());
+        let mut sums = [L::splat(0.0); SIDE_BY_SIDE];
+        for (a, b) in a.iter().zip(b) {
+            for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+                *sum = *sum + L::load(a) * L::load(b);
+            }
         }
+        let last = [(more_a.as_flattened(), more_b.as_flattened()), (rest_a, rest_b)];
+        let last = last.into_iter().flat_map(|(a, b)| a.iter().zip(b)).map(|(a, b)| a * b).sum::<f64>();
+        sums.map(L::store).as_flattened().iter().sum::<f64>() + last
     }
-    sums.iter().sum::<f64>() + rest
 }
 
 impl Linearisation {

@@ -22,6 +22,7 @@
 //! | `uncertain.rs` | uncertain parameters of a simulator, and their tolerances |
 //! | `filter.rs` | low pass and clock |
 //! | `problem.rs` | the gap as a function of all uncertain parameters |
+//! | `memo.rs` | gaps that are known already |
 //! | `fit.rs` | fits with the tolerances marginalised |
 //! | `form.rs` | errors of the model's form |
 //! | `noise.rs` | noise and remainders that a gap is measured against |
@@ -74,6 +75,7 @@ mod judged;
 mod library;
 mod localise;
 mod manoeuvre;
+mod memo;
 mod naming;
 pub mod noise;
 mod observability;

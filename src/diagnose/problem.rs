@@ -3,6 +3,7 @@
 use super::filter::Filter;
 use super::form;
 use super::library::Library;
+use super::memo::Memo;
 use super::profile::Profile;
 use super::replay::{CHANNELS, Channel, Correction, ReplayDrive, ReplayVehicle, Trace, replay, replay_with};
 use super::uncertain::{self, UncertainParameter};
@@ -53,6 +54,8 @@ pub struct Problem<'a, V> {
     of_forms: Vec<OnceLock<Arc<Vec<f64>>>>,
     /// Slopes that were taken last, the oldest first.
     kept: Mutex<Vec<Slopes>>,
+    /// Gaps that are known.
+    known: Mutex<Memo>,
     threads: usize,
 }
 
@@ -99,7 +102,8 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
             size,
             forms,
             of_forms,
-            kept: Mutex::new(Vec::new()),
+            kept: Mutex::default(),
+            known: Mutex::default(),
             threads,
         };
         made.profile = Profile::of(&made).map(Arc::new);
@@ -164,7 +168,7 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     pub(super) fn level(&mut self) {
         self.levelled = true;
         uncertain::level(&mut self.uncertain, self.vehicle);
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner).clear();
+        (self.kept, self.known) = (Mutex::default(), Mutex::default());
         self.profile = Profile::of(self).map(Arc::new);
     }
 
@@ -176,8 +180,13 @@ impl<'a, V: ReplayVehicle> Problem<'a, V> {
     /// Log less replay, filtered. None without such a vehicle.
     #[must_use]
     pub fn residual(&self, x: &[f64]) -> Option<Vec<f64>> {
-        let trace = self.trace(x).ok()?;
-        Some(self.compare(&trace))
+        let known = || self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(gap) = known().find(x) {
+            return Some(gap);
+        }
+        let gap = self.compare(&self.trace(x).ok()?);
+        known().keep(x, &gap);
+        Some(gap)
     }
 
     /// The same on a road with a column of its own.

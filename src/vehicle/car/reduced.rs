@@ -4,7 +4,7 @@ use super::output::SIGNALS;
 use super::plant::{CarPlant, STATES, WHEELS};
 use crate::vehicle::reduced::{FIRST_BODY, Relaxed, SprungBody, spring_stiffness};
 use crate::vehicle::tyre::TyreModel;
-use crate::vehicle::unit::{PER_WHEEL, ROLL, ROLL_RATE, UnitAxle, VY, YAW, YAW_RATE};
+use crate::vehicle::unit::{ROLL, ROLL_RATE, UnitAxle, VY, Wheels, YAW, YAW_RATE};
 
 impl<T: TyreModel> Relaxed<STATES, SIGNALS> for CarPlant<T> {
     type Tyre = T;
@@ -13,7 +13,13 @@ impl<T: TyreModel> Relaxed<STATES, SIGNALS> for CarPlant<T> {
 
     const ORDER: usize = 3;
 
-    const FIRST_WHEELS: &'static [usize] = &[WHEELS, WHEELS + 2 * PER_WHEEL];
+    const FIRST_WHEEL: usize = WHEELS;
+
+    const AXLES: usize = 2;
+
+    fn wheels(&self) -> &[Wheels<T>] {
+        &self.wheels
+    }
 
     fn axle(&self, index: usize) -> &UnitAxle<T> {
         &self.unit.axles[index]

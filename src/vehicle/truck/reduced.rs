@@ -4,7 +4,7 @@ use super::output::SIGNALS;
 use super::plant::{STATES, TRAILER, TruckPlant, WHEELS, WIND_UP};
 use crate::vehicle::reduced::{FIRST_BODY, Relaxed, SprungBody, spring_stiffness};
 use crate::vehicle::tyre::TyreModel;
-use crate::vehicle::unit::{PER_WHEEL, ROLL, ROLL_RATE, UnitAxle, VY, YAW, YAW_RATE};
+use crate::vehicle::unit::{ROLL, ROLL_RATE, UnitAxle, VY, Wheels, YAW, YAW_RATE};
 
 impl<T: TyreModel> Relaxed<STATES, SIGNALS> for TruckPlant<T> {
     type Tyre = T;
@@ -14,7 +14,13 @@ impl<T: TyreModel> Relaxed<STATES, SIGNALS> for TruckPlant<T> {
 
     const ORDER: usize = 2;
 
-    const FIRST_WHEELS: &'static [usize] = &[WHEELS, WHEELS + 2 * PER_WHEEL, WHEELS + 4 * PER_WHEEL];
+    const FIRST_WHEEL: usize = WHEELS;
+
+    const AXLES: usize = 3;
+
+    fn wheels(&self) -> &[Wheels<T>] {
+        &self.wheels
+    }
 
     fn axle(&self, index: usize) -> &UnitAxle<T> {
         if index < 2 { &self.tractor.axles[index] } else { &self.trailer.axles[0] }

@@ -161,8 +161,7 @@ impl TyreModel for Coefficients {
 
     /// That of the pure longitudinal characteristic at its zero.
     fn slip_stiffness(&self, load: f64) -> f64 {
-        let (at, factor) = self.range_of_load(load);
-        factor * self.longitudinal_stiffness(at, self.dfz(at))
+        self.stiffness_at_no_slip(load)
     }
 
     /// That of a brush of this stiffness `K` and grip `D`, `3 D / K` (Pacejka, section 3.2), on the road of the tyre's
@@ -208,6 +207,11 @@ impl FourTyres for Coefficients<[f64; FOUR]> {
     #[inline(always)]
     fn vertical_damping<L: Lanes<Stored = [f64; FOUR]>>(&self) -> L {
         L::load(&self.vertical_damping)
+    }
+
+    #[inline(always)]
+    fn slip_stiffness<L: Lanes<Stored = [f64; FOUR]>>(&self, load: L) -> L {
+        self.stiffness_at_no_slip(load)
     }
 
     #[inline(always)]
@@ -286,6 +290,13 @@ impl<T: Copy> Coefficients<T> {
         let v = (speed / longvl).abs();
         let share = qsy1 + qsy2 * fx / fz0 + qsy3 * v + qsy4 * (v * v) * (v * v);
         r0 * load * share * lmy
+    }
+
+    /// Slip stiffness at no slip.
+    #[inline(always)]
+    fn stiffness_at_no_slip<L: Lanes<Stored = T>>(&self, load: L) -> L {
+        let (at, factor) = self.range_of_load(load);
+        factor * self.longitudinal_stiffness(at, self.dfz(at))
     }
 
     #[inline(always)]

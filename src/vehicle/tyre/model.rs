@@ -58,6 +58,7 @@ pub trait TyreModel: Clone + Send + Sync + 'static {
 pub trait FourTyres {
     fn vertical_stiffness<L: Lanes<Stored = [f64; FOUR]>>(&self) -> L;
     fn vertical_damping<L: Lanes<Stored = [f64; FOUR]>>(&self) -> L;
+    fn slip_stiffness<L: Lanes<Stored = [f64; FOUR]>>(&self, load: L) -> L;
     fn lateral_relaxation<L: Lanes<Stored = [f64; FOUR]>>(&self, load: L, gamma: L) -> L;
     fn longitudinal_relaxation<L: Lanes<Stored = [f64; FOUR]>>(&self, load: L) -> L;
     fn rolling_resistance<L: Lanes<Stored = [f64; FOUR]>>(&self, load: L, fx: L, speed: L) -> L;
@@ -88,6 +89,11 @@ impl<T: TyreModel> FourTyres for OneByOne<T> {
 
     fn vertical_damping<L: Lanes<Stored = [f64; FOUR]>>(&self) -> L {
         self.each(|tyre, _| tyre.vertical_damping())
+    }
+
+    fn slip_stiffness<L: Lanes<Stored = [f64; FOUR]>>(&self, load: L) -> L {
+        let load = load.store();
+        self.each(|tyre, i| tyre.slip_stiffness(load[i]))
     }
 
     fn lateral_relaxation<L: Lanes<Stored = [f64; FOUR]>>(&self, load: L, gamma: L) -> L {

@@ -185,27 +185,29 @@ struct WheelResponse<L> {
     rates: [L; 2],
 }
 
-/// Load of wheels from their heights over rest, N, by stiffness and damping of each of their tyres; a tyre does not pull.
-#[inline(always)]
-fn load_of<L: Lanes>([stiffness, damping]: [L; 2], tyres: L, static_load: L, lift: L, lift_rate: L) -> L {
-    let zero = L::splat(0.0);
-    let elastic = static_load - tyres * stiffness * lift;
-    L::choose(elastic.up_to(zero), zero, (elastic - tyres * damping * lift_rate).max(zero))
-}
-
-impl<T: TyreModel> UnitAxle<T> {
-    /// Load of a wheel from its height over rest, N; a tyre does not pull.
-    pub(in crate::vehicle) fn load(&self, wheel: &[f64]) -> f64 {
-        let spring = [self.tyre.vertical_stiffness(), self.tyre.vertical_damping()];
-        load_of(spring, self.tyres, self.static_load, wheel[LIFT], wheel[LIFT_RATE])
-    }
-}
-
 impl<T: TyreModel> Wheels<T> {
+    /// Loads of wheels from their heights over rest, N; a tyre does not pull.
     #[inline(always)]
-    fn load<L: Lanes<Stored = [f64; FOUR]>>(&self, lift: L, lift_rate: L) -> L {
-        let spring = [self.tyre.vertical_stiffness(), self.tyre.vertical_damping()];
-        load_of(spring, L::load(&self.tyres), L::load(&self.static_load), lift, lift_rate)
+    pub fn load<L: Lanes<Stored = [f64; FOUR]>>(&self, lift: L, lift_rate: L) -> L {
+        let (zero, tyres) = (L::splat(0.0), L::load(&self.tyres));
+        let elastic = L::load(&self.static_load) - tyres * self.tyre.vertical_stiffness() * lift;
+        let damping = tyres * self.tyre.vertical_damping() * lift_rate;
+        L::choose(elastic.up_to(zero), zero, (elastic - damping).max(zero))
+    }
+
+    /// Slip stiffness of each of a wheel's tyres, N, under a load of each.
+    #[inline(always)]
+    pub fn slip_stiffness<L: Lanes<Stored = [f64; FOUR]>>(&self, each: L) -> L {
+        self.tyre.slip_stiffness(each)
+    }
+
+    /// Relaxation lengths of the longitudinal and the lateral slip, m, under a load of each tyre and at an inclination.
+    #[inline(always)]
+    pub fn relaxation_lengths<L: Lanes<Stored = [f64; FOUR]>>(&self, each: L, gamma: L) -> [L; 2] {
+        let (zero, shortest) = (L::splat(0.0), L::splat(SHORTEST_RELAXATION));
+        let given = L::load(&self.relaxation);
+        let lateral = L::choose(zero.below(given), given, self.tyre.lateral_relaxation(each, gamma));
+        [self.tyre.longitudinal_relaxation(each).max(shortest), lateral.max(shortest)]
     }
 
     /// The slip of wheels under a load, and the rates of their deflections.
@@ -225,12 +227,9 @@ impl<T: TyreModel> Wheels<T> {
         let (per_slip, per_tangent) = (number(1.0 / GREATEST_SLIP), number(1.0 / GREATEST_TANGENT));
         let mut speed = (slip_y.abs() * per_tangent).max((slip_x.abs() * per_slip).max(motion.vx.abs()));
         let each = load / L::load(&self.tyres);
-        let shortest = number(SHORTEST_RELAXATION);
         // What depends on the load alone is known early: nothing waits for a division then.
-        let mut relax_x = one / self.tyre.longitudinal_relaxation(each).max(shortest);
-        let given = L::load(&self.relaxation);
-        let length = L::choose(zero.below(given), given, self.tyre.lateral_relaxation(each, motion.gamma));
-        let mut relax_y = one / length.max(shortest);
+        let [mut relax_x, mut relax_y] =
+            self.relaxation_lengths(each, motion.gamma).map(|length| one / length);
         // The tyre's own damping matters only near rest, where the deflections are springs.
         let rest = (one - speed * number(1.0 / DAMPED_BELOW)).max(zero);
         let damping = number(DAMPING_AT_REST) * rest * rest;

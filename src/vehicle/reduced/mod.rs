@@ -26,31 +26,37 @@
 //!
 //! Steering chain and drive are exact. Every effect thus has the same meaning as in the plant;
 //! `examples/diagnose_replay.rs` measures the remaining difference.
+//!
+//! | file | idea |
+//! |---|---|
+//! | `past.rs` | the rule of Adams and Bashforth |
+//! | `fast.rs` | wheels, pitch and heave at their equilibrium |
+//! | `decay.rs` | `1 - e^-z` |
+
+mod decay;
+mod fast;
+mod past;
 
 use super::sensors::measured;
 use super::steering::SteeringState;
 use super::stepper::{Plant, StageInputs};
 use super::surface::Surface;
-use super::unit::{
-    BODY, DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SHORTEST_RELAXATION, SPIN, UnitAxle, VX,
-    VY, WIND_UP, YAW, YAW_RATE,
-};
+use super::unit::{BODY, PER_WHEEL, SHORTEST_RELAXATION, UnitAxle, VX, VY, Wheels, YAW, YAW_RATE};
+use crate::numerics::lanes::compute;
 use crate::vehicle::tyre::TyreModel;
+use decay::one_minus_exp_neg;
+use fast::{FastWheels, Follow};
+use past::Past;
 
-/// Share of the way to equilibrium in one step of a body's pitch and heave: its springs stand on the tyres'.
-const SPRINGS: f64 = 0.7;
 /// Longest step times the frequency of the quickest motion sideways: the rule is not stable with much more.
 const LONGEST: f64 = 0.5;
 /// Largest number of parts of a step.
 const MOST_PARTS: f64 = 4.0;
 /// Steps of the fast motions before a start.
 const SETTLING: usize = 40;
-/// Axles of the first body; others are a trailer's.
+/// Axles of the first body, and of its group of wheels; others are a trailer's.
 const FIRST_AXLES: usize = 2;
 const MOST_BODIES: usize = 2;
-/// Greatest longitudinal slip, and the speed (m/s) below which wheels count as rolling at it.
-const GREATEST_SLIP: f64 = 0.5;
-const LEAST_SPEED: f64 = 1.0;
 
 /// Input of the steering.
 #[derive(Debug, Clone, Copy)]
@@ -148,8 +154,12 @@ pub(super) trait Relaxed<const N: usize, const S: usize>: Plant<N, S> {
     const SLOW: &'static [usize];
     /// Order of their integration, 2 or 3.
     const ORDER: usize;
-    /// Place of the first wheel's states of each axle.
-    const FIRST_WHEELS: &'static [usize];
+    /// Place of the first wheel's states; those of the others follow, left and right of each axle.
+    const FIRST_WHEEL: usize;
+    /// Number of axles.
+    const AXLES: usize;
+    /// The tyres of each body's axles.
+    fn wheels(&self) -> &[Wheels<Self::Tyre>];
     fn axle(&self, index: usize) -> &UnitAxle<Self::Tyre>;
     fn bodies(&self) -> Vec<SprungBody>;
     /// Reference point forward of the CG, m.
@@ -160,63 +170,6 @@ pub(super) trait Relaxed<const N: usize, const S: usize>: Plant<N, S> {
     fn trailer(&self) -> Option<[usize; 3]>;
     /// Articulation as measured and its rate.
     fn measured_articulation(&self, y: &[f64; N]) -> (f64, f64);
-}
-
-/// One wheel's constants, and memory of its last step.
-struct ReducedWheel {
-    at: usize,
-    axle: usize,
-    side: f64,
-    kappa: f64,
-    /// Lift at the last step, m.
-    lift: f64,
-    slip: Past,
-}
-
-/// Body above the wheels of an axle.
-fn carried(axle: usize) -> usize {
-    usize::from(axle >= FIRST_AXLES)
-}
-
-/// A rate at the last two steps, if there were any since the start.
-#[derive(Clone, Copy)]
-struct Past(Option<f64>, Option<f64>);
-
-impl Past {
-    const NONE: Self = Self(None, None);
-
-    /// Mean rate over the step ahead, by Adams and Bashforth of second or third order, or the order that the past
-    /// allows. From then on `now` is past.
-    fn ahead(&mut self, now: f64, order: usize) -> f64 {
-        let ahead = match (self.0, self.1) {
-            (Some(last), Some(before)) if order > 2 => (23.0 * now - 16.0 * last + 5.0 * before) / 12.0,
-            (Some(last), _) => 1.5 * now - 0.5 * last,
-            _ => now,
-        };
-        *self = Self(Some(now), self.0);
-        ahead
-    }
-}
-
-/// `1 - e^-z`: by Pade's approximation of sixth order for ordinary `z`, off by less than 2e-9 of `z`. A larger one in
-/// four parts, off by less than 4e-9 of `z`.
-fn gone(z: f64) -> f64 {
-    if (0.0..2.0).contains(&z) {
-        return gone_by_pade(z);
-    }
-    if (0.0..8.0).contains(&z) {
-        let left = 1.0 - gone_by_pade(0.25 * z);
-        let left = left * left;
-        return 1.0 - left * left;
-    }
-    -(-z).exp_m1()
-}
-
-fn gone_by_pade(z: f64) -> f64 {
-    let zz = z * z;
-    let odd = z * (0.5 + zz * (1.0 / 66.0 + zz / 15_840.0));
-    let even = 1.0 + zz * (5.0 / 44.0 + zz * (1.0 / 792.0 + zz / 665_280.0));
-    2.0 * odd / (even + odd)
 }
 
 /// Lateral relaxation length of an axle's tyres at a load of each in N, m.
@@ -232,11 +185,12 @@ pub(super) struct Reduced<P: Relaxed<N, S>, const N: usize, const S: usize> {
     surface: Surface,
     environment: P::Environment,
     bodies: Vec<SprungBody>,
-    wheels: Vec<ReducedWheel>,
+    /// Those below each body.
+    wheels: Vec<FastWheels>,
     y: [f64; N],
     rates: [f64; N],
     /// Past rates of the slow motions, in the order of `P::SLOW`.
-    past: Vec<Past>,
+    past: Vec<Past<f64>>,
     /// Fastest natural frequency of the motion sideways on its tyres, rad/s.
     frequency: f64,
     steering: SteeringState,
@@ -247,12 +201,12 @@ pub(super) struct Reduced<P: Relaxed<N, S>, const N: usize, const S: usize> {
 impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
     pub fn new(plant: P) -> Self {
         let y = plant.placed(0.0, 0.0, 0.0, 0.0);
-        let wheel = |at, axle, side| ReducedWheel { at, axle, side, kappa: 0.0, lift: 0.0, slip: Past::NONE };
-        let wheels = P::FIRST_WHEELS
-            .iter()
-            .enumerate()
-            .flat_map(|(i, &at)| [wheel(at, i, 1.0), wheel(at + PER_WHEEL, i, -1.0)])
-            .collect();
+        let wheels = (0..P::AXLES).step_by(FIRST_AXLES).map(|first| {
+            let last = (first + 1).min(P::AXLES - 1);
+            let at = P::FIRST_WHEEL + 2 * first * PER_WHEEL;
+            FastWheels::new([plant.axle(first), plant.axle(last)], at, 2 * (last + 1 - first))
+        });
+        let wheels = wheels.collect();
         Self {
             surface: Surface::default(),
             environment: plant.on(Surface::default()),
@@ -274,9 +228,9 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
     fn frequency(plant: &P) -> f64 {
         let axles = || (0..FIRST_AXLES).map(|i| plant.axle(i));
         let mut rolling = [0.0; MOST_BODIES];
-        for index in 0..P::FIRST_WHEELS.len() {
+        for index in 0..P::AXLES {
             let axle = plant.axle(index);
-            rolling[carried(index)] += 2.0 * axle.spring * axle.half_track.powi(2) + axle.anti_roll_bar;
+            rolling[index / FIRST_AXLES] += 2.0 * axle.spring * axle.half_track.powi(2) + axle.anti_roll_bar;
         }
         let rolls = plant.bodies().into_iter().zip(rolling).map(|(body, k)| (k / body.roll_inertia).sqrt());
         let rolling = rolls.fold(0.0, f64::max);
@@ -298,12 +252,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
     /// yet. A wheel that spins or is locked gets no more.
     fn late(&self) -> f64 {
         let (mut force, mut mass) = (0.0, self.plant.mass());
-        for wheel in self.wheels.iter().filter(|wheel| wheel.kappa.abs() < GREATEST_SLIP) {
-            let axle = self.plant.axle(wheel.axle);
-            let faster = self.rates[wheel.at + SPIN] - self.rates[VX] / axle.radius;
-            force += axle.wheel_inertia * faster / axle.radius;
-            mass += axle.wheel_inertia / (axle.radius * axle.radius);
-        }
+        self.wheels.iter().for_each(|wheels| wheels.add_late(&self.rates, (&mut force, &mut mass)));
         force / mass
     }
 
@@ -311,81 +260,8 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
     /// settle.
     fn follow(&mut self, h: Option<f64>) {
         let Self { plant, y, rates, wheels, bodies, .. } = self;
-        // What a wheel is pushed up by, it hands on to its body by its spring's share: both are moved together, or stiff
-        // springs would throw one to and fro on the other.
-        let mut handed_on = [(0.0, 0.0); MOST_BODIES];
-        for wheel in wheels.iter() {
-            let axle = plant.axle(wheel.axle);
-            let tyre = axle.tyres * axle.tyre.vertical_stiffness();
-            let push =
-                axle.spring / (axle.spring + tyre) * rates[wheel.at + LIFT_RATE] * 0.5 * axle.unsprung_mass;
-            let (lifting, pitching) = &mut handed_on[carried(wheel.axle)];
-            (*lifting, *pitching) = (*lifting + push, *pitching - axle.x_sprung * push);
-        }
-        let mut risen = [(0.0, 0.0); MOST_BODIES];
-        for ((body, (lifting, pitching)), risen) in bodies.iter().zip(handed_on).zip(&mut risen) {
-            let [heave, rate] = body.heave;
-            risen.0 = SPRINGS * (rates[rate] * body.mass + lifting) / body.heave_stiffness;
-            y[heave] += risen.0;
-            let [pitch, rate] = body.pitch;
-            risen.1 = SPRINGS * (rates[rate] * body.inertia + pitching) / body.pitch_stiffness;
-            y[pitch] += risen.1;
-        }
-        for wheel in wheels {
-            let (at, axle) = (wheel.at, plant.axle(wheel.axle));
-            let load = axle.load(&y[at..at + PER_WHEEL]);
-            let each = load / axle.tyres;
-            let speed = y[VX].abs().max(LEAST_SPEED);
-
-            let rate = speed / relaxation(axle, each);
-            let v = y[at + DEFLECTION_Y];
-            let slip = rates[at + DEFLECTION_Y] + rate * v;
-            y[at + DEFLECTION_Y] = match h {
-                Some(h) => {
-                    let ahead = wheel.slip.ahead(slip, P::ORDER);
-                    let gone = gone(rate * h);
-                    v + gone * (ahead / rate - v)
-                }
-                None => {
-                    wheel.slip = Past::NONE;
-                    slip / rate
-                }
-            };
-
-            let stiffness = axle.tyres * axle.tyre.slip_stiffness(each).max(1e3) * axle.radius;
-            // A wheel keeps pace with the vehicle: what turns it ever faster is taken from its force.
-            let lag = rates[at + SPIN] - rates[VX] / axle.radius;
-            let wanted = wheel.kappa + lag * axle.wheel_inertia / stiffness;
-            wheel.kappa = wanted.clamp(-GREATEST_SLIP, GREATEST_SLIP);
-            let relaxation = axle.tyre.longitudinal_relaxation(each).max(SHORTEST_RELAXATION);
-            y[at + DEFLECTION_X] = wheel.kappa * relaxation;
-            let vx = (y[VX] - wheel.side * axle.half_track * y[YAW_RATE]).max(0.5 * LEAST_SPEED);
-            y[at + SPIN] = vx * (1.0 + wheel.kappa) / axle.radius;
-            // A turning wheel's brake has slipped: its wind-up is at its greatest.
-            y[at + WIND_UP] = y[at + SPIN];
-
-            let bar = 0.5 * axle.anti_roll_bar / (axle.half_track * axle.half_track);
-            let stiffness = axle.tyres * axle.tyre.vertical_stiffness() + axle.spring + bar;
-            let (heave, pitch) = risen[carried(wheel.axle)];
-            let force = rates[at + LIFT_RATE] * 0.5 * axle.unsprung_mass
-                + axle.spring * (heave - axle.x_sprung * pitch);
-            match h {
-                Some(h) => {
-                    let (lift, rate) = (y[at + LIFT], y[at + LIFT_RATE]);
-                    let damper = axle.damper / h;
-                    let now =
-                        (force + stiffness * lift + damper * (rate * h + wheel.lift)) / (stiffness + damper);
-                    let moved = now - wheel.lift;
-                    wheel.lift = now;
-                    y[at + LIFT_RATE] = moved / h;
-                    y[at + LIFT] = now + moved;
-                }
-                None => {
-                    y[at + LIFT] += force / stiffness;
-                    y[at + LIFT_RATE] = 0.0;
-                    wheel.lift = y[at + LIFT];
-                }
-            }
+        for ((wheels, constants), body) in wheels.iter_mut().zip(plant.wheels()).zip(bodies.iter()) {
+            compute(Follow::<P, N, S> { wheels, constants, body, y, rates, h });
         }
     }
 
@@ -398,7 +274,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
             let (z, turning) = (self.y[wind_up], self.y[YAW_RATE] - self.y[rate]);
             let back = turning - self.rates[wind_up];
             let decay = if z == 0.0 { 0.0 } else { (back / z).max(0.0) * h };
-            let lost = gone(decay);
+            let lost = one_minus_exp_neg(decay);
             let share = if decay > 1e-9 { lost / decay } else { 1.0 };
             self.y[wind_up] = z * (1.0 - lost) + turning * h * share;
         }
@@ -473,9 +349,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> ReducedVehicle for Reduce
         }
         self.steering = SteeringState::at_rest(self.plant.steering(), start.steer);
         (self.drive, self.time) = (start.accel, 0.0);
-        for wheel in &mut self.wheels {
-            (wheel.kappa, wheel.slip) = (0.0, Past::NONE);
-        }
+        self.wheels.iter_mut().for_each(FastWheels::start);
         let stage = StageInputs { steer: self.steering.road_wheel(self.plant.steering()), accel: self.drive };
         for _ in 0..SETTLING {
             self.derivative(&stage);
@@ -519,18 +393,3 @@ pub(super) fn spring_stiffness<'a, T: TyreModel>(axles: impl Iterator<Item = &'a
 pub(super) const FIRST_BODY: ([usize; 2], [usize; 2]) =
     ([super::unit::HEAVE, super::unit::HEAVE_RATE], [super::unit::PITCH, super::unit::PITCH_RATE]);
 const _: () = assert!(BODY == 12);
-
-#[cfg(test)]
-mod tests {
-    use super::gone;
-
-    #[test]
-    fn what_has_gone_is_that_of_the_exponential() {
-        for i in 0..1000 {
-            let z = 0.01 * f64::from(i);
-            let most = if z < 2.0 { 2e-9 } else { 4e-9 };
-            assert!((gone(z) + (-z).exp_m1()).abs() <= most * z, "{} at {z}", gone(z));
-        }
-        assert!(gone(f64::NAN).is_nan());
-    }
-}
