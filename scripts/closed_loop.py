@@ -305,6 +305,12 @@ def kind_of(vehicle: Path | str | None) -> str:
         return "car"
 
 
+def road_of(path: Path | str) -> Path:
+    """A road's file: a name of `paths/` where there is no such file here."""
+    named = PROJECT / "paths" / f"{path}.csv"
+    return named if named.is_file() and not Path(path).exists() else Path(path).resolve()
+
+
 def drive(
     path: Path | str | None = None,
     vehicle: Path | str | None = None,
@@ -323,7 +329,7 @@ def drive(
 
     Whatever happens on the way, the drive until then is given, and its `ending` says what; only bad input raises.
 
-    Without `path` and `vehicle` the FMUs take those that they carry; `vehicle` may be a built-in name, too.
+    Without `path` and `vehicle` the FMUs take those that they carry; both may be names in `paths/` and `vehicles/`.
     Of `fmus` those are taken that the kind of vehicle needs, unless others are named.
     `settings` are parameters by name, for each FMU that has them (`controller.NAME`, `car.NAME` or `truck.NAME`: for
     one only).
@@ -337,7 +343,7 @@ def drive(
         units = {"controller": controller, kind: plant}
         parameters: dict[str, object] = {}
         if path is not None:
-            parameters |= dict.fromkeys(("controller.path_file", f"{kind}.road_file"), str(Path(path).resolve()))
+            parameters |= dict.fromkeys(("controller.path_file", f"{kind}.road_file"), str(road_of(path)))
         if vehicle is not None:
             parameters["vehicle_file"] = str(Path(vehicle).resolve() if Path(vehicle).is_file() else vehicle)
         given = []
@@ -482,7 +488,9 @@ def main() -> int:
         epilog=f"{figures_help()}\n\n{STATUSES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--path", type=Path, help="road to drive, a CSV with x and y (default: the FMUs' own)")
+    parser.add_argument(
+        "--path", type=Path, help="road to drive, a CSV with x and y or a name of paths/ (default: the FMUs' own)"
+    )
     parser.add_argument("--vehicle", help="car or truck to drive, a TOML file or a built-in name (default: a car)")
     parser.add_argument("--duration", type=float, help="seconds to drive (default: to the road's end)")
     parser.add_argument("--step", type=float, default=STEP, help="communication step in seconds (default: %(default)s)")

@@ -1,6 +1,6 @@
 //! Reading `.tir` files: what is read, and what is said of those that cannot be.
 
-use rfl_mpc::vehicle::tyre::{Coefficients, TirError, TyreModel as _};
+use rfl_mpc::vehicle::tyre::{Coefficients, Contact, TirError, TyreModel as _};
 use std::path::{Path, PathBuf};
 
 const SOUND: &str = "! a tyre\n[UNITS]\nLENGTH = 'meter' $ m\nANGLE='radians'\n[MODEL]\nPROPERTY_FILE_FORMAT='PAC2002'\n\
@@ -126,4 +126,32 @@ fn the_public_truck_tyres() {
     about(bus.lateral_relaxation(25e3, 0.0), 0.35, 1e-2);
     let goodyear = Coefficients::read(&folder.join("335_65R22_5_G275MSA_95psi.tir")).unwrap();
     assert!(goodyear.cornering_stiffness(25e3, 0.0) > 100e3);
+}
+
+/// Ply steer, conicity and asymmetric trail, all coefficients of them.
+const ASYMMETRIC: &str = "RHX1 = 0.01\nQSX1 = 0.02\nPEY1 = -1\nPEY3 = 0.1\nPEY4 = -3\nPHY1 = 0.003\nPHY2 = 0.001\nPHY3 = 0.02\n\
+    PVY1 = 0.02\nPVY2 = -0.01\nPVY3 = -0.3\nPDY3 = 2\nRBX1 = 12\nRBX2 = -10\nRCX1 = 1.1\nRBY1 = 6\nRBY2 = 4\nRBY3 = 0.03\nRCY1 = 1\n\
+    RVY1 = 0.05\nRVY2 = -0.02\nRVY3 = 1\nRVY4 = 90\nRVY5 = 1.9\nRVY6 = 25\nQBZ1 = 9\nQBZ4 = 0.2\nQBZ5 = -0.3\nQCZ1 = 1.1\n\
+    QDZ1 = 0.1\nQDZ3 = 0.8\nQDZ4 = -3\nQDZ6 = 0.004\nQDZ7 = -0.002\nQDZ8 = 0.1\nQBZ10 = 0.4\nQEZ1 = -2\nQEZ4 = 0.3\nQEZ5 = 2\n\
+    QHZ1 = 0.005\nQHZ2 = 0.001\nQHZ3 = 0.1\nSSZ1 = 0.02\nSSZ2 = 0.01\nSSZ3 = 0.3\n";
+
+#[test]
+fn a_tyre_that_was_measured_on_the_right_is_mirrored() {
+    let of = |side: &str| parse(&format!("{SOUND}{ASYMMETRIC}[MODEL]\nTYRESIDE = '{side}'\n")).unwrap();
+    let (left, right) = (of("LEFT"), of("Right"));
+    assert_eq!(left, of("UNKNOWN"));
+    let contacts = [(0.0, 0.0, 0.0), (0.05, 0.06, 0.03), (-0.1, -0.15, 0.05), (0.02, 0.01, -0.04)];
+    for ((kappa, alpha, gamma), load) in
+        contacts.into_iter().flat_map(|c| [2000.0, 6000.0].map(|load| (c, load)))
+    {
+        let contact = Contact { kappa, alpha, gamma, load, friction: 0.9 };
+        let (here, there) =
+            (left.forces(&contact), right.forces(&Contact { alpha: -alpha, gamma: -gamma, ..contact }));
+        for (here, there) in
+            [(here.fx, there.fx), (here.fy, -there.fy), (here.mx, -there.mx), (here.mz, -there.mz)]
+        {
+            assert!((here - there).abs() <= 1e-9 * (1.0 + here.abs()), "{here} and {there} at {contact:?}");
+        }
+        assert!((right.forces(&contact).fy - left.forces(&contact).fy).abs() > 10.0, "no ply steer at all");
+    }
 }

@@ -11,6 +11,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
+from closed_loop import road_of
 from outcome import (
     COMPLETED,
     LOST,
@@ -33,6 +34,14 @@ def driven(to: float, error=lambda s: 0.0, heading=lambda s: 0.0, speed: float =
     for k in range(int(to) + 1):
         referee.see(Place(0.1 * k, float(k), error(k), heading(k)), speed)
     return referee
+
+
+def test_a_road_is_a_file_or_a_built_in_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert road_of("truck_u_turn") == ROOT / "paths" / "truck_u_turn.csv"
+    (tmp_path / "truck_u_turn").write_text("x,y\n0,0\n100,0\n")
+    assert road_of("truck_u_turn") == tmp_path / "truck_u_turn"
+    assert road_of(Path("no/such.csv")) == tmp_path / "no" / "such.csv"
 
 
 def test_a_road_is_completed_only_within_its_lane():

@@ -197,3 +197,37 @@ coefficients! {
     #[serde(default)]
     softening
 }
+
+impl Coefficients {
+    /// The tyre mounted on the other side. Coefficients of ply steer and conicity change their sign, so that
+    ///
+    /// ```text
+    ///     Fx' = Fx,   Fy' = -Fy,   Mx' = -Mx,   Mz' = -Mz      at -alpha, -gamma
+    /// ```
+    #[must_use]
+    pub(super) fn mirrored(mut self) -> Self {
+        for odd in [
+            &mut self.rhx1,
+            &mut self.qsx1,
+            &mut self.pey3,
+            &mut self.phy1,
+            &mut self.phy2,
+            &mut self.pvy1,
+            &mut self.pvy2,
+            &mut self.rby3,
+            &mut self.rvy1,
+            &mut self.rvy2,
+            &mut self.qbz4,
+            &mut self.qdz3,
+            &mut self.qdz6,
+            &mut self.qdz7,
+            &mut self.qez4,
+            &mut self.qhz1,
+            &mut self.qhz2,
+            &mut self.ssz1,
+        ] {
+            *odd = -*odd;
+        }
+        self
+    }
+}

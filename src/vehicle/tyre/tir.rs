@@ -1,4 +1,6 @@
 //! Reading `.tir` files: `[SECTION]`, `KEY = value`, comments from `$` or `!`; tables (`[SHAPE]`) are passed over.
+//!
+//! The coefficients are those of a left tyre; one that was measured as a right one (`TYRESIDE = 'RIGHT'`) is mirrored.
 
 use super::coefficients::Coefficients;
 use crate::encoding::decode;
@@ -91,7 +93,9 @@ impl Coefficients {
         let coefficients = Self::from_lookup(|key| found.get(key).map(|entry| entry.0))
             .map_err(|keys| TirError::Missing { file: file.to_path_buf(), keys })?;
         coefficients.check(file, |key| found.get(key).map_or(0, |entry| entry.1))?;
-        Ok(coefficients)
+        // Vehicles mirror a left tyre for their right wheels.
+        let right = model.get("TYRESIDE").is_some_and(|(side, _)| side.eq_ignore_ascii_case("RIGHT"));
+        Ok(if right { coefficients.mirrored() } else { coefficients })
     }
 
     fn check(&self, file: &Path, line_of: impl Fn(&str) -> usize) -> Result<(), TirError> {
