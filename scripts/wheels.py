@@ -125,7 +125,7 @@ def build(platform: Platform, out: Path) -> Path:
             for target in platform.targets
         }
         environment["CARGO_ENCODED_RUSTFLAGS"] += "\x1f-Clinker-flavor=ld64.lld"
-    command = ["maturin", "build", "-m", "python/Cargo.toml", "--profile", "shipped", "--target", platform.triple]
+    command = ["maturin", "build", "-m", "python/Cargo.toml", "--profile", "wheel", "--target", platform.triple]
     run([*command, *platform.options, "-o", str(fresh)], **environment)
     made = list(fresh.glob("*.whl"))
     if len(made) != 1:
