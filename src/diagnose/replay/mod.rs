@@ -17,12 +17,14 @@
 //! | `channel.rs` | compared signals |
 //! | `drive.rs` | a log prepared for the replay: clock, starts, scored rows |
 //! | `vehicle.rs` | vehicles that can be replayed: cars, trucks; their neutral replay by the full plant |
+//! | `sensors.rs` | the log as the replayed vehicle meets it |
 //! | `run.rs` | one replay |
 
 mod channel;
 mod drive;
 mod neutral;
 mod run;
+mod sensors;
 mod vehicle;
 
 pub use channel::{CHANNELS, Channel};

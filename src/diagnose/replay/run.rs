@@ -1,12 +1,11 @@
 //! One replay.
 
 use super::channel::{CHANNELS, Channel};
-use super::drive::{LEAST_SPEED, ROAD, ReplayDrive, at, at_within};
+use super::drive::ReplayDrive;
+use super::sensors::{Sensors, delay};
 use super::vehicle::ReplayVehicle;
 use crate::diagnose::library::OwnEffect;
-use crate::vehicle::{
-    GRAVITY, ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, Surface, TruckEffects,
-};
+use crate::vehicle::{GRAVITY, ReducedOutput, ReducedStart, ReducedVehicle, TruckEffects};
 
 /// Time over which heading, place and speed leak to the log's, s.
 pub const LEAK: f64 = 2.0;
@@ -28,6 +27,16 @@ pub struct Trace {
 }
 
 impl Trace {
+    /// Of nothing yet.
+    fn empty(drive: &ReplayDrive, rows: usize) -> Self {
+        let felt = if drive.channels.contains(&Channel::Ay) { vec![0.0; rows] } else { Vec::new() };
+        let mut columns = vec![Vec::new(); CHANNELS.len()];
+        for &channel in &drive.channels {
+            columns[channel as usize] = vec![0.0; rows];
+        }
+        Self { columns, roll: vec![0.0; rows], felt, sound: true }
+    }
+
     /// The column of a channel.
     #[must_use]
     pub fn column(&self, channel: Channel) -> &[f64] {
@@ -81,160 +90,24 @@ pub fn replay_with<'a, V: ReplayVehicle>(
     // A vehicle file may hold effects that are known already.
     let effects = &effects.on_top_of(&vehicle.known_effects());
     let late = effects.vehicle.sensor_delay;
-    let scale = effects.vehicle.speed_scale.max(0.1);
-    let twist = effects.vehicle.heading_misalignment;
-    let yaw_rate_bias = effects.vehicle.yaw_rate_bias;
     let mut within = *effects;
     within.vehicle.sensor_delay = 0.0;
     // The chain holds no negative delay: what is left of it advances the command.
     let dead_time = vehicle.dead_time() + effects.vehicle.steer_delay;
-    let advance = (-dead_time).max(0.0) / drive.step;
     within.vehicle.steer_delay = effects.vehicle.steer_delay.max(-vehicle.dead_time());
     within.vehicle.steer_lag = effects.vehicle.steer_lag.max(-vehicle.lag());
     let reduced = vehicle.reduced(&within)?;
     let mut model = own.into_iter().fold(reduced, |model, (effect, value)| effect.act(model, value));
 
-    let felt = if drive.channels.contains(&Channel::Ay) { vec![0.0; rows] } else { Vec::new() };
-    let mut trace =
-        Trace { columns: vec![Vec::new(); CHANNELS.len()], roll: vec![0.0; rows], felt, sound: true };
-    for &channel in &drive.channels {
-        trace.columns[channel as usize] = vec![0.0; rows];
-    }
-    let log_vx = drive.column("vx");
-    let road = ROAD.map(|signal| drive.column(signal.name));
-    let bank = road[0];
-    let (yaw, x, y) = (drive.column("yaw"), drive.column("x"), drive.column("y"));
-    let h = drive.step / drive.substeps as f64;
-    let by_receiver = late + correction.receiver_late;
-    let shift = by_receiver / drive.step;
-    let has = |channel: Channel| drive.channels.contains(&channel);
-    let (leaks_vx, leaks_yaw, leaks_place) = (has(Channel::Vx), has(Channel::Yaw), has(Channel::Along));
-
-    for &(from, to) in &drive.stretches {
-        // What lies beyond a stretch may be another drive.
-        let at = |column: &[f64], row: f64| at_within(column, row, (from, to));
-        let speed = |row: f64, vy: f64| (at(log_vx, row + shift) / scale - twist * vy).max(0.5 * LEAST_SPEED);
-        // A sensor that is turned turns its heading; one summed up has gathered the bias of its rate.
-        let off =
-            |row: f64| if yaw.is_empty() { yaw_rate_bias * drive.step * (row - from as f64) } else { twist };
-        let heading =
-            |row: f64| (!drive.heading.is_empty()).then(|| at(&drive.heading, row + shift) - off(row));
-        let first = |name: &str| drive.columns.get(name).map_or(0.0, |column| column[from]);
-        let f = from as f64;
-        model.start(&ReducedStart {
-            vx: speed(f, 0.0),
-            vy: first("vy"),
-            yaw_rate: first("yaw_rate"),
-            yaw: heading(f).unwrap_or(0.0),
-            steer: if drive.columns.contains_key("steer") { first("steer") } else { drive.steer[from] },
-            accel: drive.accel[from],
-            articulation: first("articulation"),
-            articulation_rate: first("articulation_rate"),
-        });
-        let (mut lag_vx, mut lag_yaw, mut lag_place) = (0.0, 0.0, [0.0; 2]);
-        let mut vy = 0.0;
-        for row in from..to {
-            if let Some(rows) = horizon
-                && row > from
-                && (row - from) % rows == 0
-            {
-                // What the sensors say, as the model means it.
-                let logged =
-                    |name: &str| drive.columns.get(name).map(|column| at(column, row as f64 + shift));
-                let true_vy = logged("vy").map_or(vy, |vy| vy / scale + twist * speed(row as f64, 0.0));
-                model.set_motion(true_vy, logged("yaw_rate").map_or(0.0, |rate| rate - yaw_rate_bias));
-                (lag_vx, lag_yaw, lag_place) = (0.0, 0.0, [0.0; 2]);
-            }
-            let mut now = ReducedOutput::default();
-            // Over the row, for what is summed up: rate of the speed, yaw rate, velocities.
-            let mut means = [0.0; 4];
-            for sub in 0..drive.substeps {
-                let r = row as f64 + sub as f64 / drive.substeps as f64;
-                let steer = if drive.commanded {
-                    let now = if drive.holds() { row as f64 } else { r };
-                    ReducedSteer::Commanded(at(&drive.steer, now + advance))
-                } else {
-                    ReducedSteer::Measured(at(&drive.steer, r))
-                };
-                let (accel, accel_is_given) = match &drive.accel_cmd {
-                    Some(asked) if drive.holds() => (asked[row], false),
-                    Some(asked) => (at(asked, r), false),
-                    None => (drive.accel[row], true),
-                };
-                let vx = speed(r, vy);
-                let [bank, grade, friction] = road.map(|column| column.get(row).copied());
-                let surface = Surface {
-                    bank: bank.unwrap_or(0.0),
-                    grade: grade.unwrap_or(0.0),
-                    friction: friction.unwrap_or(1.0),
-                };
-                let input = ReducedInput { steer, accel, accel_is_given, vx, yaw: heading(r), surface };
-                let mut out = model.step(&input, h);
-                if sub == 0 {
-                    if !(out.true_vy.abs() < ASTRAY * vx && out.true_yaw_rate.abs() < 5.0) {
-                        trace.sound = false;
-                        out = ReducedOutput::default();
-                        model.start(&ReducedStart { vx, steer: drive.steer[row], ..ReducedStart::default() });
-                    }
-                    now = out;
-                    vy = out.true_vy;
-                }
-                let over = [out.vx_rate, out.true_yaw_rate, out.true_vy, speed(r, out.true_vy)];
-                means.iter_mut().zip(over).for_each(|(mean, now)| *mean += now / drive.substeps as f64);
-            }
-            let [vx_rate, true_yaw_rate, true_vy, true_vx] = means;
-            let fix = |channel| correction.at(channel, row);
-            let mut put = |channel: Channel, value: f64| {
-                if let Some(place) = trace.columns[channel as usize].get_mut(row) {
-                    *place = value;
-                }
-            };
-            put(Channel::YawRate, now.yaw_rate + fix(Channel::YawRate));
-            put(Channel::Ay, now.ay + fix(Channel::Ay));
-            put(Channel::Vy, now.vy + fix(Channel::Vy));
-            let roll = now.roll + fix(Channel::Roll);
-            put(Channel::Roll, roll);
-            put(Channel::Steer, now.steer);
-            put(Channel::Ax, now.ax + fix(Channel::Ax));
-            put(Channel::Articulation, now.articulation + fix(Channel::Articulation));
-            put(Channel::ArticulationRate, now.articulation_rate + fix(Channel::ArticulationRate));
-            // Rates of what leaks, less those of the log: over one row by differences.
-            let (here, next) = (row as f64 + shift, row as f64 + 1.0 + shift);
-            let keep = if horizon.is_some() { 1.0 } else { (-drive.step / LEAK).exp() };
-            if leaks_vx {
-                put(Channel::Vx, lag_vx * scale);
-                let driven = (at(log_vx, next) - at(log_vx, here)) / scale;
-                lag_vx = keep * (lag_vx + drive.step * (vx_rate + fix(Channel::Ax)) - driven);
-            }
-            trace.roll[row] = roll;
-            if let Some(felt) = trace.felt.get_mut(row) {
-                let bank = bank.get(row).map_or(0.0, |bank| *bank) + effects.vehicle.road_bank;
-                *felt = GRAVITY * (now.roll + bank).sin();
-            }
-            let yaw_rate = true_yaw_rate + fix(Channel::YawRate);
-            if leaks_yaw {
-                put(Channel::Yaw, lag_yaw);
-                lag_yaw = keep * (lag_yaw + drive.step * yaw_rate - (at(yaw, next) - at(yaw, here)));
-            }
-            if leaks_place {
-                put(Channel::Along, lag_place[0]);
-                put(Channel::Across, lag_place[1]);
-                let (dx, dy) = (at(x, next) - at(x, here), at(y, next) - at(y, here));
-                let middle = 0.5 * (at(yaw, next) + at(yaw, here)) - twist;
-                let (sin, cos) = middle.sin_cos();
-                let moved = [cos * dx + sin * dy, cos * dy - sin * dx];
-                let vy = true_vy + fix(Channel::Vy);
-                let turn = drive.step * yaw_rate;
-                let [a, b] = lag_place;
-                lag_place = [
-                    keep * (a + turn * b + drive.step * true_vx - moved[0]),
-                    keep * (b - turn * a + drive.step * vy - moved[1]),
-                ];
-            }
-        }
+    let sensors = Sensors::new(drive, effects, correction, (-dead_time).max(0.0));
+    let mut trace = Trace::empty(drive, rows);
+    let leaks = [Channel::Vx, Channel::Yaw, Channel::Along].map(|channel| drive.channels.contains(&channel));
+    for &stretch in &drive.stretches {
+        let sensors = sensors.within(stretch);
+        Run { drive, sensors, correction, horizon, leaks, trace: &mut trace }.through(stretch, &mut *model);
     }
     for channel in CHANNELS.into_iter().filter(|channel| *channel != Channel::Steer) {
-        let late = if channel.by_receiver() { by_receiver } else { late };
+        let late = if channel.by_receiver() { late + correction.receiver_late } else { late };
         let column = &mut trace.columns[channel as usize];
         if late != 0.0 && !column.is_empty() {
             delay(column, late / drive.step, &drive.stretches);
@@ -246,12 +119,139 @@ pub fn replay_with<'a, V: ReplayVehicle>(
     Ok(trace)
 }
 
-/// Shifts a column by a fractional number of rows within each stretch.
-fn delay(column: &mut [f64], shift: f64, stretches: &[(usize, usize)]) {
-    for &(from, to) in stretches {
-        let before = column[from..to].to_vec();
-        for (i, value) in column[from..to].iter_mut().enumerate() {
-            *value = at(&before, i as f64 - shift);
+/// One stretch on its way into the trace.
+struct Run<'a> {
+    drive: &'a ReplayDrive,
+    sensors: Sensors<'a>,
+    correction: &'a Correction,
+    horizon: Option<usize>,
+    /// True for speed, heading and place if they are compared.
+    leaks: [bool; 3],
+    trace: &'a mut Trace,
+}
+
+/// What leaks: the model's less the log's speed, heading and place along and across.
+#[derive(Default)]
+struct Leaking {
+    vx: f64,
+    yaw: f64,
+    place: [f64; 2],
+}
+
+/// Means over a row, for what is summed up.
+#[derive(Default)]
+struct Means {
+    vx_rate: f64,
+    yaw_rate: f64,
+    vy: f64,
+    vx: f64,
+}
+
+impl Run<'_> {
+    fn through(&mut self, stretch: (usize, usize), model: &mut dyn ReducedVehicle) {
+        let (from, to) = stretch;
+        model.start(&self.sensors.start());
+        let mut leaking = Leaking::default();
+        let mut vy = 0.0;
+        for row in from..to {
+            if let Some(rows) = self.horizon
+                && row > from
+                && (row - from) % rows == 0
+            {
+                let (true_vy, yaw_rate) = self.sensors.motion(row, vy);
+                model.set_motion(true_vy, yaw_rate);
+                leaking = Leaking::default();
+            }
+            let (now, means) = self.step(row, &mut vy, model);
+            self.put(row, &now);
+            self.leak(row, &means, &mut leaking);
+        }
+    }
+
+    /// The motion in a row, and its means until the next.
+    fn step(&mut self, row: usize, vy: &mut f64, model: &mut dyn ReducedVehicle) -> (ReducedOutput, Means) {
+        let drive = self.drive;
+        let parts = drive.substeps as f64;
+        let h = drive.step / parts;
+        let mut now = ReducedOutput::default();
+        let mut means = Means::default();
+        for sub in 0..drive.substeps {
+            let share = sub as f64 / parts;
+            let input = self.sensors.input(row, share, *vy);
+            let mut out = model.step(&input, h);
+            if sub == 0 {
+                if !(out.true_vy.abs() < ASTRAY * input.vx && out.true_yaw_rate.abs() < 5.0) {
+                    self.trace.sound = false;
+                    out = ReducedOutput::default();
+                    let steer = drive.steer[row];
+                    model.start(&ReducedStart { vx: input.vx, steer, ..ReducedStart::default() });
+                }
+                now = out;
+                *vy = out.true_vy;
+            }
+            means.vx_rate += out.vx_rate / parts;
+            means.yaw_rate += out.true_yaw_rate / parts;
+            means.vy += out.true_vy / parts;
+            means.vx += self.sensors.speed(row as f64 + share, out.true_vy) / parts;
+        }
+        (now, means)
+    }
+
+    fn fix(&self, channel: Channel, row: usize) -> f64 {
+        self.correction.at(channel, row)
+    }
+
+    fn write(&mut self, channel: Channel, row: usize, value: f64) {
+        if let Some(place) = self.trace.columns[channel as usize].get_mut(row) {
+            *place = value;
+        }
+    }
+
+    /// What is compared as it is, with the full plant's correction.
+    fn put(&mut self, row: usize, now: &ReducedOutput) {
+        let roll = now.roll + self.fix(Channel::Roll, row);
+        for (channel, value) in [
+            (Channel::YawRate, now.yaw_rate),
+            (Channel::Ay, now.ay),
+            (Channel::Vy, now.vy),
+            (Channel::Ax, now.ax),
+            (Channel::Articulation, now.articulation),
+            (Channel::ArticulationRate, now.articulation_rate),
+        ] {
+            self.write(channel, row, value + self.fix(channel, row));
+        }
+        self.write(Channel::Roll, row, roll);
+        self.write(Channel::Steer, row, now.steer);
+        self.trace.roll[row] = roll;
+        if let Some(felt) = self.trace.felt.get_mut(row) {
+            *felt = GRAVITY * (now.roll + self.sensors.bank(row)).sin();
+        }
+    }
+
+    /// What leaks: its rates, less those of the log by differences over one row.
+    fn leak(&mut self, row: usize, means: &Means, leaking: &mut Leaking) {
+        let step = self.drive.step;
+        let keep = if self.horizon.is_some() { 1.0 } else { (-step / LEAK).exp() };
+        let [vx, yaw, place] = self.leaks;
+        if vx {
+            self.write(Channel::Vx, row, leaking.vx * self.sensors.scale);
+            let gained = step * (means.vx_rate + self.fix(Channel::Ax, row));
+            leaking.vx = keep * (leaking.vx + gained - self.sensors.speed_gained(row));
+        }
+        let yaw_rate = means.yaw_rate + self.fix(Channel::YawRate, row);
+        if yaw {
+            self.write(Channel::Yaw, row, leaking.yaw);
+            leaking.yaw = keep * (leaking.yaw + step * yaw_rate - self.sensors.turned(row));
+        }
+        if place {
+            let [a, b] = leaking.place;
+            self.write(Channel::Along, row, a);
+            self.write(Channel::Across, row, b);
+            let [along, across] = self.sensors.moved(row);
+            let vy = means.vy + self.fix(Channel::Vy, row);
+            let turn = step * yaw_rate;
+            leaking.place =
+                [keep * (a + turn * b + step * means.vx - along), keep * (b - turn * a + step * vy - across)];
         }
     }
 }
