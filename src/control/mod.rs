@@ -29,7 +29,7 @@
 //! | `controller/` | its acceleration and its steering command |
 //! | `vehicle.rs` | differences between kinds of vehicles |
 //! | `truck.rs` | the truck's part, and its defaults |
-//! | `margins.rs` | stability margins of the loop: gain, phase and delay |
+//! | `margins/` | stability margins of the loop: gain, phase and delay |
 //! | `sampler.rs` | sample instants |
 //! | `status.rs` | result of a step, in words |
 
