@@ -23,7 +23,7 @@
 //! | `filter.rs` | low pass and clock |
 //! | `problem.rs` | the gap as a function of all uncertain parameters |
 //! | `memo.rs` | gaps that are known already |
-//! | `fit.rs` | fits with the tolerances marginalised |
+//! | `fit/` | fits with the tolerances marginalised |
 //! | `form.rs` | errors of the model's form |
 //! | `noise.rs` | noise and remainders that a gap is measured against |
 //! | `profile.rs` | unknown bank and grade of the road |

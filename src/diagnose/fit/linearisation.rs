@@ -1,42 +1,13 @@
-//! Fits with the tolerances marginalised.
-//!
-//! Over coordinates `x` with prior precisions `P` (tolerances; nearly zero for free effects), around a point with gap
-//! `e` and slopes `S`, the best step is
-//!
-//! ```text
-//!     J = min over d  (e - S d)' W (e - S d) + (x + d)' P (x + d),      (S' W S + P) d = S' W e - P x
-//! ```
-//!
-//! which equals `e' (W^-1 + U U')^-1 e` with `U = S P^-1/2` at `x = 0` (Woodbury), at the price of a small matrix.
+//! The linear problem around a point: steps, evidence, and products with the background marginalised.
 
-use super::problem::Problem;
-use super::profile::SampleWeights;
-use super::replay::{Channel, ReplayVehicle};
+use super::prior::{Precision, Prior};
+use crate::diagnose::problem::Problem;
+use crate::diagnose::profile::SampleWeights;
+use crate::diagnose::replay::ReplayVehicle;
 use crate::numerics::lanes::{FOUR, Lanes, Work, compute};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::borrow::Cow;
 use std::sync::Arc;
-
-/// Standard deviation of a free coordinate: effects of five units are ordinary.
-pub(super) const FREE: f64 = 5.0;
-/// Maximum Gauss-Newton iterations.
-const STEPS: usize = 6;
-/// Tries of each kind: of a step's own length or a shorter one, and then with damping.
-const TRIES: usize = 4;
-/// Bounds of a shorter step's length, as shares: a parabola is rough far away.
-const SHORTER: f64 = 0.4;
-const SHORTEST: f64 = 0.1;
-
-/// Damping of a step at the first try, and its factor at each further try; after a gain it falls by the same factor.
-const HELD: f64 = 1.0;
-const MORE: f64 = 10.0;
-/// Promise of a damped step that is worth a try, in gains that end a search.
-const WORTH: f64 = 10.0;
-
-/// A gain that ends a search.
-fn enough(cost: f64) -> f64 {
-    0.05 + 1e-4 * cost
-}
 
 /// Slopes at a point with their weighted products.
 #[derive(Clone)]
@@ -45,7 +16,7 @@ pub struct Linearisation {
     pub slopes: Vec<Arc<Vec<f64>>>,
     /// Weights of gaps.
     pub weights: Arc<SampleWeights>,
-    pub(super) gram: DMatrix<f64>,
+    pub(in crate::diagnose) gram: DMatrix<f64>,
 }
 
 /// A slope, and the place of its uncertain parameter.
@@ -237,6 +208,20 @@ impl Linearisation {
     }
 }
 
+impl Prior {
+    /// The linear step under this prior.
+    #[must_use]
+    pub fn step(
+        &self,
+        linear: &Linearisation,
+        x: &[f64],
+        gap: &[f64],
+        precision: &Precision,
+    ) -> LinearSolution {
+        linear.step(&self.off(x), gap, precision)
+    }
+}
+
 /// A linear problem at its best.
 pub struct Converged {
     /// Remaining cost.
@@ -317,295 +302,9 @@ pub struct Explained {
     pub shares: DVector<f64>,
 }
 
-/// A point that was fitted.
-#[derive(Debug, Clone)]
-pub struct Fit {
-    /// Places of the uncertain parameters that were free.
-    pub free: Vec<usize>,
-    /// Coordinates.
-    pub x: Vec<f64>,
-    /// Gap there.
-    pub gap: Vec<f64>,
-    /// Remaining cost: weighted square of the gap, plus the penalty of the tolerances.
-    pub cost: f64,
-    /// Slopes over the free uncertain parameters and their companions, taken last.
-    pub columns: Vec<SlopeColumn>,
-    /// Coordinates at which the slopes were taken.
-    pub columns_at: Vec<f64>,
-}
-
-impl Fit {
-    /// The slopes over what was free.
-    #[must_use]
-    pub fn of_free(&self) -> Vec<SlopeColumn> {
-        self.columns.iter().filter(|(i, _)| self.free.contains(i)).cloned().collect()
-    }
-}
-
-/// Prior over the uncertain parameters: mean and covariance of the coordinates.
-#[derive(Debug, Clone)]
-pub struct Prior {
-    /// Coordinates that are expected.
-    pub mean: Vec<f64>,
-    /// Their covariance; a variance of 0: fixed.
-    pub covariance: DMatrix<f64>,
-    /// Errors of the model's form that a reference log has shown, in the channels' units.
-    pub form: Vec<(Channel, f64)>,
-}
-
-/// Prior precision of the free coordinates.
-#[derive(Debug, Clone)]
-pub struct Precision {
-    /// Places of the uncertain parameters that are free.
-    pub free: Vec<usize>,
-    matrix: DMatrix<f64>,
-}
-
-impl Precision {
-    fn of(&self, off: &[f64]) -> DVector<f64> {
-        DVector::from_iterator(self.free.len(), self.free.iter().map(|&i| off[i]))
-    }
-
-    /// Penalty of coordinates that are so far off; infinite where a fixed one is off.
-    #[must_use]
-    pub fn penalty(&self, off: &[f64]) -> f64 {
-        if (0..off.len()).any(|i| off[i] != 0.0 && !self.free.contains(&i)) {
-            return f64::INFINITY;
-        }
-        let off = self.of(off);
-        off.dot(&(&self.matrix * &off))
-    }
-
-    /// The same prior with standard deviations so many times as large.
-    #[must_use]
-    pub fn widened(mut self, times: f64) -> Self {
-        self.matrix /= times * times;
-        self
-    }
-}
-
-impl Prior {
-    /// Tolerances of the uncertain parameters.
-    #[must_use]
-    pub fn of<V: ReplayVehicle>(problem: &Problem<V>) -> Self {
-        let variances: Vec<f64> =
-            problem.uncertain.iter().map(|uncertain| uncertain.tolerance.powi(2)).collect();
-        Self {
-            mean: vec![0.0; problem.uncertain.len()],
-            covariance: DMatrix::from_diagonal(&DVector::from_vec(variances)),
-            form: Vec::new(),
-        }
-    }
-
-    /// With the tolerances of the vehicle's own numbers so many times as wide. How good a file is says nothing of sensors,
-    /// nor of the model's form.
-    #[must_use]
-    pub fn times<V>(&self, problem: &Problem<V>, wider: f64) -> Self {
-        let of = |i: usize| if problem.uncertain[i].is_of_the_file() { wider } else { 1.0 };
-        let count = self.mean.len();
-        let covariance = DMatrix::from_fn(count, count, |i, j| self.covariance[(i, j)] * of(i) * of(j));
-        Self { covariance, ..self.clone() }
-    }
-
-    /// With some uncertain parameters held where they are.
-    #[must_use]
-    pub fn holding(&self, held: &[usize], x: &[f64]) -> Self {
-        let mut prior = self.clone();
-        for &i in held {
-            prior.mean[i] = x[i];
-            prior.covariance.row_mut(i).fill(0.0);
-            prior.covariance.column_mut(i).fill(0.0);
-        }
-        prior
-    }
-
-    /// The same prior with some uncertain parameters free, and their companions: a payload takes its place with it.
-    #[must_use]
-    pub fn free<V: ReplayVehicle>(&self, problem: &Problem<V>, free: &[usize]) -> Precision {
-        self.free_but(problem, free, &[])
-    }
-
-    /// The same with some uncertain parameters fixed.
-    #[must_use]
-    pub fn free_but<V: ReplayVehicle>(
-        &self,
-        problem: &Problem<V>,
-        free: &[usize],
-        fixed: &[usize],
-    ) -> Precision {
-        let mut covariance = self.covariance.clone();
-        for &i in free {
-            covariance[(i, i)] += FREE.powi(2);
-            if let Some((companion, deviation)) = problem.companion(i) {
-                covariance[(companion, companion)] += deviation.powi(2);
-            }
-        }
-        let free: Vec<usize> =
-            (0..self.mean.len()).filter(|&i| covariance[(i, i)] > 0.0 && !fixed.contains(&i)).collect();
-        let of_free = DMatrix::from_fn(free.len(), free.len(), |a, b| covariance[(free[a], free[b])]);
-        let diagonal = DMatrix::from_diagonal(&of_free.diagonal().map(|variance| 1.0 / variance));
-        let matrix = of_free.cholesky().map_or(diagonal, |factor| factor.inverse());
-        Precision { free, matrix }
-    }
-
-    /// Coordinates of some effects alone, all else as expected.
-    #[must_use]
-    pub fn only<V: ReplayVehicle>(&self, problem: &Problem<V>, effects: &[usize], x: &[f64]) -> Vec<f64> {
-        let effects = problem.with_companions(effects);
-        (0..x.len()).map(|i| if effects.contains(&i) { x[i] } else { self.mean[i] }).collect()
-    }
-
-    /// Coordinates without some effects: these as expected, a payload's place with it.
-    #[must_use]
-    pub fn without<V: ReplayVehicle>(&self, problem: &Problem<V>, effects: &[usize], x: &[f64]) -> Vec<f64> {
-        let effects = problem.with_companions(effects);
-        (0..x.len()).map(|i| if effects.contains(&i) { self.mean[i] } else { x[i] }).collect()
-    }
-
-    /// Coordinates less those expected.
-    #[must_use]
-    pub fn off(&self, x: &[f64]) -> Vec<f64> {
-        x.iter().zip(&self.mean).map(|(x, mean)| x - mean).collect()
-    }
-
-    /// The linear step under this prior.
-    #[must_use]
-    pub fn step(
-        &self,
-        linear: &Linearisation,
-        x: &[f64],
-        gap: &[f64],
-        precision: &Precision,
-    ) -> LinearSolution {
-        linear.step(&self.off(x), gap, precision)
-    }
-}
-
-/// Starting point of a fit, with its known gap and slopes.
-#[derive(Clone)]
-pub struct Start<'a> {
-    /// Coordinates.
-    pub x: Cow<'a, [f64]>,
-    /// The gap there.
-    pub gap: Option<Cow<'a, [f64]>>,
-    /// Some slopes, and the coordinates at which they were taken.
-    pub slopes: Option<(&'a [f64], Cow<'a, [SlopeColumn]>)>,
-}
-
-impl<'a> From<&'a Fit> for Start<'a> {
-    fn from(fit: &'a Fit) -> Self {
-        Self {
-            x: (&fit.x).into(),
-            gap: Some((&fit.gap).into()),
-            slopes: Some((&fit.columns_at, (&fit.columns).into())),
-        }
-    }
-}
-
-impl<'a> From<&'a Vec<f64>> for Start<'a> {
-    fn from(x: &'a Vec<f64>) -> Self {
-        Self { x: x.into(), gap: None, slopes: None }
-    }
-}
-
-/// The length to try after a whole step that costs `rise` more than none; None where no length is worth it. A parabola
-/// gives the best length. The step `promised` is its slope:
-///
-/// ```text
-///     J(l) = J(0) - 2 promised l + (rise + 2 promised) l^2,    l* = promised / (rise + 2 promised),    J(l*) = J(0) - promised l*
-/// ```
-fn shorter(promised: f64, rise: f64, worth: f64) -> Option<f64> {
-    let least = promised / (rise + 2.0 * promised);
-    (promised > 0.0 && promised * least >= worth).then(|| least.clamp(SHORTEST, SHORTER))
-}
-
-/// Fits with some uncertain parameters free, from a point, with slopes `linear` for the background. Slopes of free uncertain parameters are taken
-/// anew at each step. A step that raises the cost is shortened, then damped more and more. With many coordinates that
-/// act alike, an undamped step leaves the range of its slopes, and no length of it gains.
-#[must_use]
-pub fn fit<'a, V: ReplayVehicle>(
-    problem: &Problem<V>,
-    prior: &Prior,
-    linear: &Linearisation,
-    free: &[usize],
-    start: impl Into<Start<'a>>,
-    steps: usize,
-) -> Option<Fit> {
-    let start = start.into();
-    let precision = prior.free(problem, free);
-    let own = problem.with_companions(free);
-    let within = |x: &[f64]| -> Vec<f64> {
-        let bound = |(i, x): (usize, &f64)| problem.uncertain[i].within(*x, free.contains(&i));
-        x.iter().enumerate().map(bound).collect()
-    };
-    let mut x = within(&start.x);
-    let mut gap = match start.gap {
-        Some(known) if x == *start.x => known.into_owned(),
-        _ => problem.residual(&x)?,
-    };
-    let mut cost = linear.square(&gap) + precision.penalty(&prior.off(&x));
-    let mut known = start
-        .slopes
-        .filter(|(at, _)| problem.is_near(&x, at))
-        .map_or_else(Vec::new, |(_, it)| it.into_owned());
-    let mut columns: Vec<SlopeColumn> = Vec::new();
-    let mut columns_at = x.clone();
-    let mut damping = 0.0;
-    for _ in 0..steps.clamp(1, STEPS) {
-        let column = |&i: &usize| {
-            let there = known.iter().find(|(j, _)| *j == i);
-            there.cloned().unwrap_or_else(|| (i, Arc::new(problem.slope(&x, &gap, i))))
-        };
-        columns = own.iter().map(column).collect();
-        columns_at.clone_from(&x);
-        known.clear();
-        let local = linear.with(&columns);
-        let off = prior.off(&x);
-        let step_by = |damping: f64| local.damped(&off, &gap, &precision, damping);
-        let (mut step, mut length) = (step_by(damping), 1.0);
-        let mut better = None;
-        for tries in 1..=TRIES {
-            let there: Vec<f64> = x.iter().zip(&step.change).map(|(x, change)| x + length * change).collect();
-            let there = within(&there);
-            let mut rise = f64::INFINITY;
-            if let Some(new) = problem.residual(&there) {
-                let new_cost = linear.square(&new) + precision.penalty(&prior.off(&there));
-                if new_cost < cost {
-                    better = Some((there, new, new_cost));
-                    break;
-                }
-                rise = new_cost - cost;
-            }
-            let whole = damping == 0.0 && tries == 1;
-            if let Some(least) = shorter(cost - step.cost, rise, enough(cost)).filter(|_| whole) {
-                length = least;
-                continue;
-            }
-            if tries == TRIES {
-                break;
-            }
-            damping = (MORE * damping).max(HELD);
-            (step, length) = (step_by(damping), 1.0);
-            if cost - step.cost < WORTH * enough(cost) {
-                break;
-            }
-        }
-        damping = if damping > HELD { damping / MORE } else { 0.0 };
-        let Some((there, new, new_cost)) = better else { break };
-        let gained = cost - new_cost;
-        (x, gap, cost) = (there, new, new_cost);
-        if gained < enough(cost) {
-            break;
-        }
-    }
-    Some(Fit { free: free.to_vec(), x, gap, cost, columns, columns_at })
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{Linearisation, Precision, SHORTER, SHORTEST, SampleWeights, shorter};
-    use nalgebra::DMatrix;
-    use std::sync::Arc;
+    use super::*;
 
     fn weights(rows: usize) -> Arc<SampleWeights> {
         Arc::new(vec![1.0; rows].into())
@@ -651,22 +350,6 @@ mod tests {
             let laplace = -0.5 * found.cost - found.narrowing;
             assert!((laplace - exact).abs() < 1e-6, "{value}: {laplace} {exact}");
         }
-    }
-
-    #[test]
-    fn a_step_that_costs_more_is_made_as_short_as_a_parabola_says() {
-        // J = -4 l + 10 l^2 has its least, -0.4, at 0.2.
-        let found = shorter(2.0, 6.0, 0.1);
-        assert!((found.unwrap() - 0.2).abs() < 1e-12);
-        assert_eq!(shorter(2.0, 6.0, 0.41), None);
-    }
-
-    #[test]
-    fn no_try_is_much_shorter_than_the_step_nor_as_long() {
-        assert_eq!(shorter(50.0, 9900.0, 0.1), Some(SHORTEST));
-        assert_eq!(shorter(50.0, 1.0, 0.1), Some(SHORTER));
-        assert_eq!(shorter(50.0, f64::INFINITY, 0.1), None);
-        assert_eq!(shorter(f64::NAN, f64::NAN, 0.1), None);
     }
 
     #[test]
