@@ -7,6 +7,8 @@ use super::agreement::{self, Factors};
 use super::clean_log::{CleanError, CleanLog, LEAST_LENGTH, STANDING, UnusableLog};
 use super::clock::{self, Clock};
 use super::coarse;
+use super::description::describe;
+use super::even::on_even_clocks;
 use super::finding::{Finding, FindingSeverity};
 use super::frozen;
 use super::held;
@@ -15,18 +17,12 @@ use super::jumps::{self, Jump};
 use super::late::{self, Lateness};
 use super::outliers;
 use super::read::DriveLog;
-use super::resample::{Interpolation, SHORT, between, resample};
+use super::resample::{Interpolation, SHORT, between};
 use super::rows::{LogColumns, LogRows, WrongRows, bridge, hold};
 use super::saturated;
 use super::units::DEGREE;
-use crate::numerics::statistics::quantile;
 use std::collections::BTreeMap;
 use std::ops::Range;
-
-/// Time that the simulator needs after a gap to catch up with the vehicle, s.
-const SETTLING: f64 = 1.0;
-/// Range of a steering that counts as none, rad.
-const HARDLY_STEERED: f64 = 2e-3;
 
 impl CleanLog {
     /// Cleans a log. `steering` is the road-wheel angle, rad, of the vehicle for each 1/m of curvature in steady
@@ -411,36 +407,6 @@ fn without_seams(log: &mut CleanLog, rows: &[usize]) {
     rows.iter().for_each(|&row| log.valid[row] = true);
 }
 
-/// Each drive on its even clock, one after the other.
-fn on_even_clocks(
-    drives: &[Clock],
-    spans: &[Range<usize>],
-    columns: &LogColumns,
-    commanded: bool,
-    left_out: &WrongRows,
-    findings: Vec<Finding>,
-) -> Result<CleanLog, CleanError> {
-    if let [drive] = drives {
-        return on_even_clock(drive, columns, commanded, left_out, findings);
-    }
-    let (mut logs, mut first_error) = (Vec::new(), None);
-    for (i, (drive, span)) in drives.iter().zip(spans).enumerate() {
-        let part = columns.iter().map(|(&name, values)| (name, values[span.clone()].to_vec())).collect();
-        match on_even_clock(drive, &part, commanded, left_out, Vec::new()) {
-            Ok(log) => logs.push((format!("drive {}", i + 1), log)),
-            Err(error) => first_error = first_error.or(Some(error)),
-        }
-    }
-    let joined = CleanLog::joined(logs).ok().flatten();
-    match (joined, first_error) {
-        (Some(mut log), _) => {
-            log.findings.splice(0..0, findings);
-            Ok(log)
-        }
-        (None, error) => Err(error.unwrap_or(CleanError::NoRows { rows: 0 })),
-    }
-}
-
 /// See [`agreement::way_factor`].
 fn way_factor(stamps: &[f64], columns: &LogColumns) -> Option<f64> {
     let column = |name: &str| columns.get(name).map(Vec::as_slice);
@@ -489,87 +455,6 @@ fn mend_turning(time: &[f64], columns: &mut LogColumns, factors: &mut Factors, f
     }
 }
 
-/// Signals without which nothing can be compared.
-const NEEDED: [&str; 4] = ["steer_cmd", "steer", "vx", "yaw_rate"];
-/// Signals that may be constant.
-const MAY_REST: [&str; 10] = [
-    "vx",
-    "accel_cmd",
-    "steer_cmd",
-    "curvature",
-    "curvature_rate",
-    "bank",
-    "grade",
-    "friction",
-    "articulation",
-    "articulation_rate",
-];
-
-/// Interpolates all columns; leaves out uninformative ones.
-fn on_even_clock(
-    clock: &clock::Clock,
-    columns: &LogColumns,
-    commanded: bool,
-    left_out: &WrongRows,
-    findings: Vec<Finding>,
-) -> Result<CleanLog, CleanError> {
-    let (first, last) = (clock.time[0], clock.time[clock.time.len() - 1]);
-    let count = ((last - first) / clock.step + 1e-6).floor() as usize + 1;
-    let time: Vec<f64> = (0..count).map(|k| first + clock.step * k as f64).collect();
-    let mut log = CleanLog {
-        step: clock.step,
-        time,
-        columns: BTreeMap::new(),
-        commanded,
-        valid: vec![true; count],
-        findings,
-    };
-    for (&name, values) in columns {
-        let needed = NEEDED.contains(&name) && (name != "steer" || !commanded);
-        // What was left out was said.
-        let said = left_out.get(name).map_or(0, Vec::len);
-        let missing = values.iter().filter(|value| !value.is_finite()).count().saturating_sub(said);
-        let resampled = resample(&clock.time, values, (first, clock.step, count), between(name));
-        let guessed =
-            resampled.as_ref().map_or(count, |column| column.guessed.iter().filter(|far| **far).count());
-        let Some(resampled) = resampled.filter(|_| 2 * guessed < count) else {
-            let share = 100.0 * (count - guessed) as f64 / count as f64;
-            if needed {
-                return Err(CleanError::Sparse { column: name, share });
-            }
-            let words = format!("{name} holds a value in {share:.0} % of the time only, and is left out");
-            log.find(FindingSeverity::Warning, name, words);
-            continue;
-        };
-        let constant = resampled.values.iter().all(|value| *value == resampled.values[0]);
-        if constant && !needed && !MAY_REST.contains(&name) {
-            log.find(
-                FindingSeverity::Warning,
-                name,
-                format!("{name} never changes, and is left out: is its sensor connected?"),
-            );
-            continue;
-        }
-        if missing > 0 {
-            let seconds = guessed as f64 * clock.step;
-            let gravity = if seconds > 0.0 { FindingSeverity::Warning } else { FindingSeverity::Note };
-            let words = format!(
-                "{missing} of {} values of {name} are missing or not finite; {seconds:.2} s lie in longer holes and are not judged",
-                values.len()
-            );
-            log.find(gravity, name, words);
-        }
-        let settling = (SETTLING / clock.step).round() as usize;
-        let mut wait = 0;
-        for (valid, far) in log.valid.iter_mut().zip(&resampled.guessed) {
-            wait = if *far { settling + 1 } else { wait.saturating_sub(1) };
-            *valid &= wait == 0;
-        }
-        log.columns.insert(name, resampled.values);
-    }
-    Ok(log)
-}
-
 /// A vehicle that stands tells nothing.
 fn leave_out_standing(log: &mut CleanLog) -> Result<(), CleanError> {
     let vx = &log.columns["vx"];
@@ -591,66 +476,4 @@ fn leave_out_standing(log: &mut CleanLog) -> Result<(), CleanError> {
         log.find(FindingSeverity::Note, "vx", words);
     }
     Ok(())
-}
-
-/// Excitation of the log, in numbers, and its noise.
-fn describe(log: &mut CleanLog) {
-    let judged = |name: &str| -> Vec<f64> {
-        let values = log.columns.get(name).into_iter().flatten().zip(&log.valid);
-        values.filter(|(_, valid)| **valid).map(|(value, _)| *value).collect()
-    };
-    let (vx, steer, rate) = (judged("vx"), judged("steer_cmd"), judged("yaw_rate"));
-    let lateral: Vec<f64> = vx.iter().zip(&rate).map(|(v, rate)| (v * rate).abs()).collect();
-    let at = |values: &[f64], share| quantile(values.to_vec(), share).unwrap_or(0.0);
-    let range = [at(&steer, 0.01), at(&steer, 0.99)];
-    let words = format!(
-        "judged: {:.1} s at {:.1} to {:.1} m/s, steering from {:.3} to {:.3} rad, lateral acceleration up to {:.1} m/s2",
-        log.step * vx.len() as f64,
-        at(&vx, 0.01),
-        at(&vx, 0.99),
-        range[0],
-        range[1],
-        at(&lateral, 0.99)
-    );
-    let noisy = noises(log);
-    let hardly = range[1] - range[0] < HARDLY_STEERED;
-    log.findings.push(Finding::new(FindingSeverity::Note, None, words));
-    if !noisy.is_empty() {
-        log.findings.push(Finding::new(
-            FindingSeverity::Note,
-            None,
-            format!("noise from row to row: {}", noisy.join(", ")),
-        ));
-    }
-    if hardly {
-        let words = format!(
-            "hardly steered: within {:.4} rad all the time; effects that show in turns cannot be seen",
-            range[1] - range[0]
-        );
-        log.find(FindingSeverity::Warning, "steer_cmd", words);
-    }
-    if !rate.is_empty() && rate.iter().all(|value| *value == rate[0]) {
-        log.find(
-            FindingSeverity::Suspicion,
-            "yaw_rate",
-            "yaw_rate never changes: is its sensor connected?".into(),
-        );
-    }
-}
-
-/// Noise of the motion signals, from third differences, which no vehicle's motion reaches; in words.
-fn noises(log: &CleanLog) -> Vec<String> {
-    let noise = |values: &[f64]| {
-        let differences = values.windows(4).map(|v| (v[3] - 3.0 * v[2] + 3.0 * v[1] - v[0]).abs()).collect();
-        // The median of a Gaussian's magnitude; the squares of 1, 3, 3, 1 sum to 20.
-        quantile(differences, 0.5).map(|middle| middle / 0.6745 / 20.0_f64.sqrt())
-    };
-    ["vx", "vy", "yaw_rate", "ay", "steer"]
-        .into_iter()
-        .filter_map(|name| {
-            let signal = crate::signal::find(name)?;
-            let noise = noise(log.columns.get(name)?).filter(|noise| *noise > 0.0)?;
-            Some(format!("{name} {noise:.1e} {}", signal.unit.symbol))
-        })
-        .collect()
 }

@@ -14,6 +14,8 @@
 //! | `read.rs` | a CSV file's columns |
 //! | `clean_log.rs` | a log on an even clock, mended, and the reasons for which there is none |
 //! | `clean.rs` | a log prepared for comparison: even clock, gaps, units, signs |
+//! | `even.rs` | columns on an even clock |
+//! | `description.rs` | excitation and noise of a log, in words |
 //! | `clock.rs` | its clock: unit, order, gaps, jitter |
 //! | `resample.rs` | a column on an even clock |
 //! | `agreement.rs` | relations between columns that reveal a wrong unit or sign |
@@ -38,6 +40,8 @@ mod clean;
 mod clean_log;
 mod clock;
 mod coarse;
+mod description;
+mod even;
 mod finding;
 mod frozen;
 mod held;
