@@ -7,6 +7,7 @@ use rfl_mpc::control::{
 use rfl_mpc::path::{Closure, Path, Sample};
 use rfl_mpc::simulate::{ClosedLoop, SensorNoise, TruckClosedLoop};
 use rfl_mpc::vehicle::{BUILTIN, BUILTIN_TRUCKS, Car, Effects, TruckEffects, builtin, builtin_truck};
+use std::cell::Cell;
 use std::sync::Arc;
 
 /// A road by its curvature: straights and bends, each of a length in m and a curvature in 1/m, joined by clothoids.
@@ -407,5 +408,148 @@ fn a_speed_that_is_a_few_percent_off_is_no_fault() {
             1500,
         );
         assert!(odd.is_empty() && error < 0.5, "{limit} m/s, {scale}: {odd:?}, {error} m");
+    }
+}
+
+/// Which of x, y, yaw, vx, vy and yaw rate are told anew.
+const POSE: [bool; 6] = [true, true, true, false, false, false];
+const ALL: [bool; 6] = [true; 6];
+
+/// A drive whose sensors, those of `slow`, tell something new at each `every`-th step only, up to a time.
+fn drive_with_slow_sensors(slow: [bool; 6], every: u32, until: f64, duration: f64) -> Outcome {
+    let path = fast_road();
+    let car = builtin("c_class").unwrap();
+    let mut parameters = ControllerParameters::for_car(&car);
+    parameters.speed.limit = 10.0;
+    let controller = Controller::new(parameters, path.clone()).unwrap();
+    let mut vehicle = Car::new(&car, &Effects::default(), None).unwrap();
+    let start = path.at(20.0);
+    vehicle.place(start.x, start.y, start.yaw, 10.0);
+    let (mut kept, mut step) = (None::<Measurement>, 0);
+    let mut closed = ClosedLoop::new(controller, vehicle, 0.02).with_fault(move |time, told| {
+        if let Some(kept) = kept.filter(|_| step % every != 0 || time > until) {
+            let old = [kept.x, kept.y, kept.yaw, kept.vx, kept.vy, kept.yaw_rate];
+            let places =
+                [&mut told.x, &mut told.y, &mut told.yaw, &mut told.vx, &mut told.vy, &mut told.yaw_rate];
+            for ((place, old), _) in places.into_iter().zip(old).zip(slow).filter(|(_, slow)| *slow) {
+                *place = old;
+            }
+        }
+        kept = Some(*told);
+        step += 1;
+    });
+    let mut outcome = Outcome::default();
+    for step in 0..(duration / 0.02) as u32 {
+        closed.advance().unwrap();
+        let report = closed.controller().report();
+        outcome.error = outcome.error.max(closed.lateral_error().abs());
+        outcome.optimal +=
+            u32::from(step % every != 0 && step > 1 && report.status == ControlStatus::Optimal);
+        outcome.last = report.status;
+    }
+    outcome.speed = closed.vehicle().output().vx;
+    outcome
+}
+
+#[test]
+fn sensors_slower_than_the_controller_are_bridged_and_when_they_die_the_vehicle_stops() {
+    for (slow, every) in [(ALL, 2), (ALL, 5), (ALL, 10), (POSE, 2), (POSE, 5), (POSE, 10)] {
+        let outcome = drive_with_slow_sensors(slow, every, f64::INFINITY, 15.0);
+        let what = format!("{slow:?} each {every}: {:.3} m, {:.2} m/s", outcome.error, outcome.speed);
+        assert!(outcome.error < 0.3 && outcome.speed > 9.0, "{what}");
+        assert_eq!(outcome.optimal, 0, "{what}");
+        for until in [0.05, 3.0] {
+            let outcome = drive_with_slow_sensors(slow, every, until, 20.0);
+            let what = format!(
+                "{slow:?} each {every} until {until}: {:.3} m, {:.2} m/s",
+                outcome.error, outcome.speed
+            );
+            assert!(outcome.error < 2.0 && outcome.speed < 0.1, "{what}");
+            assert_eq!(outcome.last, ControlStatus::SafeStop, "{what}");
+        }
+    }
+}
+
+#[test]
+fn signals_that_contradict_one_another_from_the_start_stop_the_vehicle() {
+    let wrong: [(&str, fn(&mut Measurement)); 3] = [
+        ("a speed in km/h", |told| told.vx *= 3.6),
+        ("five times the speed", |told| told.vx *= 5.0),
+        ("a yaw rate in degrees", |told| told.yaw_rate *= 57.3),
+    ];
+    for (name, fault) in wrong {
+        let path = road(&[(40.0, 1.0 / 60.0), (300.0, -1.0 / 80.0)]);
+        let car = builtin("c_class").unwrap();
+        let controller = Controller::new(ControllerParameters::for_car(&car), path.clone()).unwrap();
+        let mut vehicle = Car::new(&car, &Effects::default(), None).unwrap();
+        let start = path.at(5.0);
+        vehicle.place(start.x, start.y, start.yaw, 8.0);
+        let mut closed = ClosedLoop::new(controller, vehicle, 0.02).with_fault(move |_, told| fault(told));
+        let mut error = 0.0_f64;
+        for _ in 0..800 {
+            closed.advance().unwrap();
+            error = error.max(closed.lateral_error().abs());
+        }
+        let status = closed.controller().report().status;
+        let speed = closed.vehicle().output().vx;
+        let what = format!("{name}: {status:?}, {error:.3} m, {speed:.2} m/s");
+        assert_eq!(status, ControlStatus::SafeStop, "{what}");
+        assert!(error < 2.0 && speed < 0.1, "{what}");
+    }
+}
+
+#[test]
+fn a_controller_that_is_told_nothing_asks_for_no_drive() {
+    let mut controller = straight();
+    for step in 0..500 {
+        let report = *controller.step(&Measurement::default()).unwrap();
+        if step > 150 {
+            assert_eq!(report.status, ControlStatus::SafeStop, "step {step}");
+            assert!(report.accel_cmd <= 0.0, "step {step}: {}", report.accel_cmd);
+        }
+    }
+}
+
+#[test]
+fn a_yaw_rate_at_the_rail_of_its_converter_is_no_new_start() {
+    for rate in [9999.0, 32767.0, -65535.0] {
+        for length in [0.2, 0.5, 1.0] {
+            RATE.with(|it| it.set(rate));
+            let outcome =
+                drive(10.0, 20.0, length, |told, _, _| told.yaw_rate = RATE.with(Cell::get), 6.0, 0.0);
+            let what = format!("{rate} rad/s for {length} s: {:.3} m", outcome.error);
+            assert!(outcome.error < 0.5 && outcome.optimal == 0, "{what}");
+        }
+    }
+}
+
+thread_local! {
+    /// The yaw rate of the test above: a fault is a function.
+    static RATE: Cell<f64> = const { Cell::new(0.0) };
+}
+
+#[test]
+fn a_vehicle_that_has_stopped_without_sensors_stands_in_the_estimate_as_well() {
+    for begin in [0.14, 3.0, 3.7] {
+        let path = fast_road();
+        let car = builtin("c_class").unwrap();
+        let controller = Controller::new(ControllerParameters::for_car(&car), path.clone()).unwrap();
+        let mut vehicle = Car::new(&car, &Effects::default(), None).unwrap();
+        let start = path.at(20.0);
+        vehicle.place(start.x, start.y, start.yaw, 10.0);
+        let mut kept = Measurement::default();
+        let mut closed = ClosedLoop::new(controller, vehicle, 0.02)
+            .with_fault(move |time, told| if time > begin { *told = kept } else { kept = *told });
+        for step in 0..1500 {
+            closed.advance().unwrap();
+            let report = closed.controller().report();
+            let there = f64::from(step) * 0.02;
+            let what = format!(
+                "from {begin} s, at {there:.2} s: e1 {:.3} m, steer {:.3} rad",
+                report.e1, report.steer_cmd
+            );
+            assert!(report.e1.abs() < 1.0 && report.steer_cmd.abs() < 0.3, "{what}");
+        }
+        assert!(closed.vehicle().output().vx.abs() < 0.05);
     }
 }

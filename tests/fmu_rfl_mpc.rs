@@ -177,15 +177,16 @@ fn it_computes_at_its_sample_time_and_holds_between<M: Controller>() {
 fn a_step_to_an_event_ends_a_sample_after_the_status_changed<M: Controller>() {
     let mut unit = Unit::<M>::new();
     unit.initialize().unwrap();
-    let place = |unit: &mut Unit<M>, aside: f64| {
+    let place = |unit: &mut Unit<M>, along: f64, aside: f64| {
         let (x, y, yaw) = (unit.real("start.x"), unit.real("start.y"), unit.real("start.yaw"));
+        let (x, y) = (x + along * yaw.cos(), y + along * yaw.sin());
         let pose = [("x", x - aside * yaw.sin()), ("y", y + aside * yaw.cos()), ("yaw", yaw), ("vx", 5.0)];
         pose.into_iter().for_each(|(name, value)| unit.set(name, Value::Real(value)));
     };
     let mut steps = Vec::new();
     // On the path, on it again, and far from it.
     for (k, aside) in [0.0, 0.0, 50.0].into_iter().enumerate() {
-        place(&mut unit, aside);
+        place(&mut unit, 5.0 * k as f64, aside);
         let Unit { model, values, log } = &mut unit;
         steps.push(model.step_to_event(values, k as f64, 1.0, log).unwrap());
     }

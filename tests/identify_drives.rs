@@ -71,7 +71,7 @@ fn even(rows: usize) -> Vec<f64> {
 }
 
 fn drive_of(time: Vec<f64>, steer_cmd: Vec<f64>, response: Vec<f64>) -> SteeringDrive {
-    SteeringDrive { name: "synthetic".into(), time, steer_cmd, response, speed: Vec::new() }
+    SteeringDrive { name: "synthetic".into(), time, steer_cmd, response, ..SteeringDrive::default() }
 }
 
 /// A Gaussian's number, nearly: twelve uniform ones.
@@ -331,7 +331,28 @@ fn driven(
         steer_cmd: drive.column("steer_cmd"),
         response: response.iter().map(|value| value + noise * gauss(&mut random)).collect(),
         speed: drive.column("vx"),
+        ..SteeringDrive::default()
     }
+}
+
+#[test]
+fn what_lies_within_a_step_of_a_coarse_angle_stands_out_of_nothing() {
+    let fine = synthetic(&chain(0.0, 0.1), 3000, 0.0, 3);
+    let step = 2e-3;
+    let coarse = |resolution: f64| SteeringDrive {
+        // A few rows are off by almost a step, as lines through steps are in places.
+        response: fine
+            .response
+            .iter()
+            .enumerate()
+            .map(|(i, it)| it + if i % 15 == 0 { 0.9 * step } else { 0.0 })
+            .collect(),
+        resolution,
+        ..fine.clone()
+    };
+    let left_out = |resolution: f64| identify_from_drives(&[coarse(resolution)]).unwrap().left_out.len();
+    assert_eq!(left_out(step), 0);
+    assert!(left_out(0.0) > 100);
 }
 
 #[test]

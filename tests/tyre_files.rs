@@ -152,6 +152,7 @@ fn a_tyre_that_was_measured_on_the_right_is_mirrored() {
         {
             assert!((here - there).abs() <= 1e-9 * (1.0 + here.abs()), "{here} and {there} at {contact:?}");
         }
-        assert!((right.forces(&contact).fy - left.forces(&contact).fy).abs() > 10.0, "no ply steer at all");
+        let ply_steer = right.forces(&contact).fy - left.forces(&contact).fy;
+        assert!(ply_steer.abs() > 1.0, "{ply_steer} N at {contact:?}");
     }
 }

@@ -17,15 +17,16 @@
 //! |---|---|
 //! | every signal inside its gate | the measurement goes on as it is, bit by bit |
 //! | a signal outside, or no number | the filter's estimate from the others replaces it: *bridged* |
-//! | all bits as a step before, in motion | stale: all of it is bridged |
+//! | the pose, or all of it, to the bit as a step before, in motion | stale: bridged, and never a contradiction |
+//! | signals contradict one another from the start on | the same, steered by what they say |
 //! | outside for `guard.bridge_time`, but a motion of its own, on the road or from standstill | the host has moved the vehicle: a new start |
 //! | bridged for longer than `guard.bridge_time` | braking along the road, steered by the estimate |
 //! | bridged for longer than `guard.stop_time` | the stop is completed; only a vehicle that the host moves starts anew |
 //!
 //! A motion of its own: the poses follow from the velocities, and these change no faster than tyres allow. Signals that
 //! are all zero are no motion; a dead sensor looks like that. A vehicle in motion is not accepted anew beside its road
-//! either. Its position jumps, and steering back from there would leave the road. Bridging needs some steps in a row
-//! that agree; until then each measurement is a first one.
+//! either. Its position jumps, and steering back from there would leave the road. Bridging what contradicts needs some
+//! steps that agree; until then each measurement is a first one, for as long as a gap may last.
 //!
 //! Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001. It treats the
 //! validation gate, innovations as a test of the filter (5.4), and initiation of tracks.
@@ -36,9 +37,10 @@ use super::vehicle::FurtherState;
 use crate::nominal::{ERRORS, LateralVehicle};
 use crate::parameters;
 use crate::path::wrap_angle;
-use crate::signal::GRAVITY;
+use crate::signal::{self, GRAVITY};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 parameters! {
     /// Parameters for implausible measurements and for a poor model.
@@ -52,6 +54,8 @@ parameters! {
 
 /// Signals that are judged, in the order of [`signals`].
 const SIGNALS: usize = 8;
+/// The signals of the pose.
+const POSE: Range<usize> = 0..3;
 /// The first signal that only some vehicles have.
 const ARTICULATION: usize = 6;
 
@@ -72,6 +76,8 @@ const MEMORY: f64 = 1.0;
 const ESTABLISHED: u32 = 5;
 /// Way in a step from which on a vehicle moves, m: with the same bits a step later its measurement is stale.
 const MOVES: f64 = 1e-3;
+/// Way that a vehicle at rest is asked to drive, by which it has set out, m: with the same bits its measurement is stale, too.
+const SETS_OUT: f64 = 0.1;
 /// Share of the way, and of the turn, by which a pose and the integrated velocities of a new start may differ.
 const WAY_SHARE: f64 = 0.02;
 /// Largest share by which the way of the poses may differ from that of the velocities for good: a sensor's scale.
@@ -116,8 +122,14 @@ pub struct GuardState {
     track: Option<Track>,
     /// The last measurement, if all of it was finite.
     told: Option<Signals>,
-    /// Steps in a row in which everything agreed.
+    /// Speed, m/s, and way, m, that the commands ask for since the last measurement that said something new.
+    asked: [f64; 2],
+    /// The pose that stayed to the bit while the vehicle moved, as long as it stays: no new start.
+    dead_pose: Option<[f64; 3]>,
+    /// Steps since the start in which everything new agreed.
     agreed: u32,
+    /// Time for which measurements have contradicted one another without a start to hold on to, s.
+    unsettled: f64,
     /// Time since each signal was last plausible, s.
     age: Signals,
     /// Mean of the squared innovations in units of their variance.
@@ -159,7 +171,10 @@ impl Default for GuardState {
         Self {
             track: None,
             told: None,
+            asked: [0.0; 2],
+            dead_pose: None,
             agreed: 0,
+            unsettled: 0.0,
             age: Signals::zeros(),
             spread: Signals::repeat(1.0),
             candidate: None,
@@ -174,6 +189,14 @@ impl Default for GuardState {
 fn signals(measurement: &Measurement) -> Signals {
     let Measurement { x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate, .. } = *measurement;
     Signals::from([x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate])
+}
+
+/// True if a vehicle can move like this at all.
+fn is_possible(told: &Signals) -> bool {
+    [(3, signal::VX), (4, signal::VY), (5, signal::YAW_RATE)].iter().all(|(i, signal)| {
+        let (least, most) = signal.range;
+        (least..=most).contains(&told[*i])
+    })
 }
 
 /// Difference of two values of a signal.
@@ -238,39 +261,62 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             self.begin(state, &told);
             return Ok(Judgement::Believed);
         };
-        let moves_on = track.mean[3] + (accel + state.drift) * elapsed;
-        let stale = moves_on.abs() * elapsed > MOVES && state.told.is_some_and(|before| before == told);
-        if let (Some(before), true, false) = (state.told, finite, stale) {
+        let moves_on = (track.mean[3] + (accel + state.drift) * elapsed).abs() * elapsed > MOVES;
+        let same = |signals: Range<usize>| {
+            state.told.is_some_and(|before| signals.into_iter().all(|i| before[i] == told[i]))
+        };
+        // A receiver may be slower than the other sensors. What is old is no contradiction to what is new.
+        let unchanged = same(0..SIGNALS);
+        let [speed, way] = state.asked;
+        let speed = (speed + accel * elapsed).max(0.0);
+        state.asked = if unchanged { [speed, way + speed * elapsed] } else { [0.0; 2] };
+        let stale = unchanged && (moves_on || state.asked[1] > SETS_OUT);
+        let frozen_pose = told[3].hypot(told[4]) * elapsed > MOVES && same(POSE);
+        let stale_pose = stale || frozen_pose;
+        let pose = [told[0], told[1], told[2]];
+        state.dead_pose = if frozen_pose { Some(pose) } else { state.dead_pose.filter(|dead| *dead == pose) };
+        if let (Some(before), true, false) = (state.told, finite, stale_pose) {
             self.learn_scale(&mut state.ways, &before, &told, elapsed);
         }
         state.told = finite.then_some(told);
         let scale = state.scale();
-        let mut track = self.predict(&track, steer, accel + state.drift, scale, elapsed);
+        let mut track = self.predict(&track, steer, [accel, state.drift], scale, elapsed);
         let moves = track.mean[3].abs() * elapsed > MOVES;
 
         let mut believed = [true; SIGNALS];
+        let mut contradicts = false;
         for (i, believed) in believed.iter_mut().enumerate().take(Self::JUDGED) {
             let off = difference(i, told[i], track.mean[i]);
             let units = off * off / (track.covariance[(i, i)] + self.noise[i]);
             let spread = state.spread[i].clamp(1.0, LARGEST_SPREAD);
-            *believed = !stale && units <= GATE * GATE * spread;
+            let new = !stale && !(stale_pose && POSE.contains(&i));
+            *believed = new && units <= GATE * GATE * spread;
+            contradicts |= new && !*believed;
             if *believed {
                 state.spread[i] += (units - state.spread[i]) * (elapsed / MEMORY).min(1.0);
             }
         }
         let all = believed.iter().all(|believed| *believed);
-        if !all && finite && state.agreed < ESTABLISHED {
+        if contradicts && finite && state.agreed < ESTABLISHED {
             // Nothing to bridge from as yet.
+            let unsettled = state.unsettled + elapsed;
             self.begin(state, &told);
-            return Ok(Judgement::Believed);
+            state.unsettled = unsettled;
+            state.stops |= unsettled > self.parameters.stop_time;
+            return Ok(if self.is_unsettled(state) { Judgement::Bridged } else { Judgement::Believed });
+        }
+        if !contradicts && !stale {
+            state.agreed = state.agreed.saturating_add(1);
+            if state.agreed >= ESTABLISHED {
+                state.unsettled = 0.0;
+            }
         }
         if all {
             state.candidate = None;
-            state.agreed = state.agreed.saturating_add(1);
         } else {
             // A vehicle that was put down and stands has the same bits at each step, too.
             let stands = (3..ARTICULATION).all(|i| told[i].abs() * elapsed <= MOVES);
-            let there = finite && (!stale || stands);
+            let there = finite && (!stale_pose || stands) && state.dead_pose.is_none();
             state.candidate = self.candidate(state.candidate, &told, there, elapsed, scale, &state.spread);
             let age = state.candidate.map_or(0.0, |candidate| candidate.age);
             let goes_on = state.candidate.is_some() && age >= self.parameters.bridge_time - 0.5 * elapsed;
@@ -324,7 +370,13 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
     /// True if the vehicle is to be stopped: measurements were missing for too long.
     #[must_use]
     pub fn stops(&self, state: &GuardState) -> bool {
-        self.parameters.active != 0 && (state.stops || state.lost() > self.parameters.bridge_time)
+        self.parameters.active != 0
+            && (state.stops || self.is_unsettled(state) || state.lost() > self.parameters.bridge_time)
+    }
+
+    /// True if measurements have contradicted one another for too long.
+    fn is_unsettled(&self, state: &GuardState) -> bool {
+        state.unsettled > self.parameters.bridge_time
     }
 
     /// Starts with a measurement.
@@ -332,7 +384,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         let covariance = SMatrix::from_diagonal(&self.noise);
         state.track = Some(Track { mean: *told, covariance });
         state.told = Some(*told);
-        state.agreed = 0;
+        (state.agreed, state.unsettled) = (0, 0.0);
         state.age = Signals::zeros();
         state.candidate = None;
     }
@@ -362,7 +414,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         spread: &Signals,
     ) -> Option<NewStart> {
         let body = told.fixed_rows::<ARTICULATION>(0);
-        if !there || body.iter().all(|value| *value == 0.0) {
+        if !there || body.iter().all(|value| *value == 0.0) || !is_possible(told) {
             return None;
         }
         // Its age counts from the step that ended with it.
@@ -396,8 +448,15 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
     }
 
     /// The motion a step later.
-    fn predict(&self, track: &Track, steer: f64, accel: f64, scale: f64, elapsed: f64) -> Track {
-        let h = elapsed;
+    fn predict(
+        &self,
+        track: &Track,
+        steer: f64,
+        [command, drift]: [f64; 2],
+        scale: f64,
+        elapsed: f64,
+    ) -> Track {
+        let (h, accel) = (elapsed, command + drift);
         let [x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate] = track.mean.data.0[0];
         // Slower than the model can be, the vehicle rolls: its steering turns it in proportion to its speed.
         let speed = vx.max(self.min_model_speed);
@@ -421,9 +480,12 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         let limited = |to: f64, from: f64, rate: f64| to.clamp(from - rate * h, from + rate * h);
         let next_rate = limited(next[3], yaw_rate, self.yaw_accel);
         let next_vy = limited(next[1], vy, GRIP) - speed * h * next_rate;
-        let next_vx = vx + accel * h;
-        // Brakes hold, they do not reverse.
-        let next_vx = if accel < 0.0 && vx >= 0.0 { next_vx.max(0.0) } else { next_vx };
+        // Brakes hold, they do not reverse, nor drive on what rolls back.
+        let next_vx = match (accel < 0.0, vx >= 0.0) {
+            (true, true) => (vx + accel * h).max(0.0),
+            (true, false) if command < 0.0 => (vx - command * h).min(0.0),
+            _ => vx + accel * h,
+        };
         let mut mean = track.mean;
         let (sin, cos) = (yaw + 0.25 * h * (yaw_rate + next_rate)).sin_cos();
         let (along, across) = (0.5 * scale * (vx + next_vx), 0.5 * scale * (vy + next_vy));

@@ -205,6 +205,7 @@ impl Read {
             in_file: rows,
             findings,
             left_out: wrong.clone(),
+            resolutions: BTreeMap::new(),
         };
         frozen::leave_out_speeds(&mut mended);
         mend_turning(&time, &mut mended.columns, &mut factors, &mut mended.findings);

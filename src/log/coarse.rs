@@ -35,6 +35,7 @@ pub(super) fn mend(log: &mut LogRows) {
         let Some(resolution) = resolution(values, &log.spans) else { continue };
         let usual = median(values.iter().map(|value| value.abs()).collect()).unwrap_or(0.0);
         log.spans.iter().for_each(|span| lay_lines(&mut values[span.clone()]));
+        log.resolutions.insert(name, resolution);
         let words = format!("{name} is written in steps of {resolution:.4}: lines through them are taken");
         if name == "vx" && resolution > COARSE * usual {
             let words = format!("{words}; what is left of the steps may look like a cause that has no name");

@@ -74,6 +74,8 @@ pub(super) struct LogRows<'a> {
     pub in_file: Vec<usize>,
     pub findings: Vec<Finding>,
     pub left_out: WrongRows,
+    /// Steps in which coarse columns are written.
+    pub resolutions: BTreeMap<&'static str, f64>,
 }
 
 impl LogRows<'_> {

@@ -15,6 +15,7 @@ use super::read::DriveLog;
 use super::rows::{LogColumns, LogRows, WrongRows, hold};
 use crate::nominal::SteeringDrive;
 use crate::numerics::statistics::{median, quantile};
+use std::collections::BTreeMap;
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// Steering beyond this is an angle in degrees, or at the steering wheel, rad.
@@ -73,13 +74,17 @@ impl SteeringLog {
                         in_file,
                         findings,
                         left_out: WrongRows::new(),
+                        resolutions: BTreeMap::new(),
                     };
                     fill_in(&mut rows);
                     leave_out_faults(&mut rows);
                     found.findings.append(&mut rows.findings);
                     let commands = clock.time.iter().copied().zip(rows.columns["steer_cmd"].iter().copied());
                     stated.push(commands.filter(|(_, command)| command.is_finite()).collect());
-                    found.drives.push(drive(name.clone(), &clock.time, &rows.columns, factors));
+                    let resolution =
+                        rows.resolutions.get("steer").map_or(0.0, |step| factors[1].abs() * step);
+                    let drive = drive(name.clone(), &clock.time, &rows.columns, factors);
+                    found.drives.push(SteeringDrive { resolution, ..drive });
                 }
                 Err(error) => errors.push(error),
             }
@@ -129,6 +134,7 @@ impl SteeringLog {
             response: response[edge[0]..edge[1]].to_vec(),
             speed: speed[edge[0]..edge[1]].to_vec(),
             time: clean.time[edge[0]..edge[1]].to_vec(),
+            resolution: 0.0,
         };
         Ok(Self { drives: edges.windows(2).map(part).collect(), findings: clean.findings })
     }
@@ -206,6 +212,6 @@ fn drive(name: String, time: &[f64], columns: &LogColumns, factors: [f64; 2]) ->
         steer_cmd: of(command, factors[0]),
         response: of(angle, factors[1]),
         time: of(time, 1.0),
-        speed: Vec::new(),
+        ..SteeringDrive::default()
     }
 }

@@ -366,7 +366,7 @@ impl<const C: usize> DriveFor<C> {
             time: self.column(signal::TIME.name),
             steer_cmd: self.column(signal::STEER_CMD.name),
             response: self.column(signal::STEER.name),
-            speed: Vec::new(),
+            ..SteeringDrive::default()
         }
     }
 

@@ -192,6 +192,7 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
             steer_cmd: step.command,
             response: step.response,
             speed: step.speed,
+            resolution: 0.0,
         }];
         // A record too short for intervals has its models all the same.
         let steering = from_drives(&drives, through).ok();
@@ -246,6 +247,7 @@ fn part_of(drive: SteeringDrive, args: &IdentifyArgs) -> SteeringDrive {
         response: part(&drive.response),
         speed: part(&drive.speed),
         name: drive.name,
+        resolution: drive.resolution,
     }
 }
 

@@ -177,7 +177,7 @@ fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<DriveRows, Driv
     if drives.is_empty() {
         return Err(DrivesError::None);
     }
-    for SteeringDrive { name, time, steer_cmd, response, speed } in drives {
+    for SteeringDrive { name, time, steer_cmd, response, speed, .. } in drives {
         let rows = time.len();
         let speeds_fit =
             if with_speed { speed.len() == rows } else { speed.is_empty() || speed.len() == rows };
@@ -264,9 +264,9 @@ impl BestPoint {
         let limit =
             (OUTLYING * 1.4826 * upper_median(&mut typical)).max(OUTLYING_SHARE * least).max(ROUNDING);
         for (row, off) in off.iter().enumerate() {
-            if rows.counts[row] && *off > limit {
+            let (drive, place) = rows.origin[row];
+            if rows.counts[row] && *off > limit.max(rows.resolutions[drive as usize]) {
                 rows.counts[row] = false;
-                let (drive, place) = rows.origin[row];
                 let value = rows.response[row] + rows.mean;
                 rows.left_out.push(LeftOut { drive, row: place, signal: "response", value });
             }

@@ -40,6 +40,8 @@ pub(super) struct DriveRows {
     pub mean: f64,
     /// Typical time between rows, s.
     pub step: f64,
+    /// Step in which each drive's response was written, 0 if it was not coarse.
+    pub resolutions: Vec<f64>,
 }
 
 /// Least and greatest ordinary value, far ones beyond.
@@ -68,6 +70,7 @@ impl DriveRows {
         for (place, drive) in drives.iter().enumerate() {
             rows.add(place as u32, drive, even);
         }
+        rows.resolutions = drives.iter().map(|drive| drive.resolution).collect();
         rows.step = drives.iter().map(|drive| typical_step(&drive.time)).fold(0.0, f64::max);
         let stretches: Vec<_> = rows.stretches().collect();
         for stretch in stretches {
