@@ -6,9 +6,12 @@ import logging
 import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rfl_mpc import _native
+
+if TYPE_CHECKING:
+    import numpy as np
 
 File = str | os.PathLike[str]
 # A file, a table with named columns, or several.
@@ -25,28 +28,43 @@ class RflWarning(UserWarning):
 def words(**options: Any) -> list[str]:
     """Options in the words of the command line; what is not given has the command's default."""
     said: list[str] = []
-    for name, value in options.items():
-        option = "--" + name.replace("_", "-")
+    for name, given in options.items():
+        option, value = "--" + name.replace("_", "-"), plain(given)
         if value is None or value is False:
             continue
         if value is True:
             said.append(option)
-        elif isinstance(value, Mapping):
-            said += [f"{option}={key}={_text(one)}" for key, one in value.items()]
+        elif _is_mapping(value):
+            said += [f"{option}={key}={_text(f'{option} {key}', one)}" for key, one in value.items()]
         elif isinstance(value, Iterable) and not isinstance(value, (str, os.PathLike)):
-            said += [f"{option}={_text(one)}" for one in value]
+            said += [f"{option}={_text(option, one)}" for one in value]
         else:
-            said.append(f"{option}={_text(value)}")
+            said.append(f"{option}={_text(option, value)}")
     return said
 
 
-def _text(value: Any) -> str:
+def _is_mapping(value: Any) -> bool:
+    """Whether values have names: of a dict, or of a series of pandas."""
+    return isinstance(value, Mapping) or (
+        hasattr(value, "items") and all(isinstance(name, str) for name, _ in value.items())
+    )
+
+
+def plain(value: Any) -> Any:
+    """A number or a truth value of numpy as Python's."""
+    return value.item() if getattr(value, "ndim", None) == 0 and hasattr(value, "item") else value
+
+
+def _text(name: str, value: Any) -> str:
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     if isinstance(value, str):
         return value
-    # A number of numpy is written as a plain one.
-    return repr(value.item() if hasattr(value, "item") else value)
+    if getattr(value, "ndim", 0) > 0:
+        if value.size != 1:
+            raise _native.RflError(f"{name}: an array of {value.size} values; give one value")
+        value = value.reshape(-1)[0] if hasattr(value, "reshape") else value.iloc[0]
+    return repr(plain(value))
 
 
 Frame = tuple[str, list[tuple[str, bytes]]]
@@ -55,6 +73,8 @@ Frame = tuple[str, list[tuple[str, bytes]]]
 def frames_and_words(logs: Logs, *, option: str | None = None, name: str = "log") -> tuple[list[Frame], list[str]]:
     """Tables among the logs, and the words that name all of them: operands, or values of an option."""
     if logs is None:
+        if option is None:
+            raise _native.RflError("give at least one log; None was given")
         return [], []
     several = list(logs) if isinstance(logs, Sequence) and not isinstance(logs, str) else [logs]
     if not several:
@@ -79,15 +99,22 @@ def _columns(name: str, table: Any) -> list[tuple[str, bytes]]:
         kind = type(table).__name__
         raise _native.RflError(f"{name}: {kind} is no log; give a file, a data frame or a dict of arrays")
     names = [one for one in _names(table) if isinstance(one, str)]
+    told = [(column, table[column]) for column in names if _native.is_signal(_signal(column))]
+    index = getattr(table, "index", None)
+    if "time" not in map(_signal, names) and hasattr(index, "dtype"):
+        named = isinstance(index.name, str) and _signal(index.name) == "time"
+        if named or index.dtype.kind in "mM":
+            told.insert(0, (index.name if named else "time", index))
     columns = []
-    for column in names:
-        if not _native.is_signal(column.split("[")[0].strip()):
-            continue
-        values = np.asarray(table[column])
+    for column, given in told:
+        values = np.asarray(given)
         if values.ndim != 1:
             raise _native.RflError(f"{name}, column {column}: shape {values.shape}; give a one-dimensional column")
+        if values.dtype.kind in "OUT" and _signal(column) == "time":
+            values = _times(f"{name}, column {column}", values)
         if values.dtype.kind == "M":  # dates
-            values = (values - values[:1]) / np.timedelta64(1, "s") if len(values) else values.astype(float)
+            known = values[~np.isnat(values)]
+            values = (values - known[:1]) / np.timedelta64(1, "s") if len(known) else np.full(len(values), np.nan)
         elif values.dtype.kind == "m":
             values = values / np.timedelta64(1, "s")
         try:
@@ -98,6 +125,37 @@ def _columns(name: str, table: Any) -> list[tuple[str, bytes]]:
         words = f"no column is a signal of a drive log (columns: {', '.join(names[:8]) or 'none'})"
         raise _native.RflError(f"{name}: {words}; give time, steer_cmd, vx")
     return columns
+
+
+def _signal(column: str) -> str:
+    """The name of a column without its unit."""
+    return column.split("[")[0].strip()
+
+
+def _times(place: str, values: np.ndarray) -> np.ndarray:
+    """Times that are objects or text: as numbers, durations, or dates in UTC."""
+    import numpy as np
+    import pandas as pd
+
+    times = pd.Series(values).infer_objects()
+    if times.dtype.kind == "m":
+        return times.to_numpy()
+    if times.dtype.kind != "M":
+        numbers = pd.to_numeric(times, errors="coerce")
+        texts = times.astype(str).str.strip()
+        missing = times.isna() | (texts == "")
+        if (numbers.notna() | missing).all():
+            return numbers.to_numpy(np.float64, na_value=np.nan)
+        times = pd.to_datetime(texts.where(numbers.isna() & ~missing), errors="coerce", utc=True, format="ISO8601")
+        bad = times.isna() & numbers.isna() & ~missing
+        if bad.any():
+            row = int(bad.to_numpy().argmax())
+            words = f"row {row + 1}: '{texts.iloc[row]}' is neither a number nor a date (ISO 8601)"
+            raise _native.RflError(f"{place}, {words}; give seconds or dates")
+        if numbers.notna().any():
+            raise _native.RflError(f"{place}: numbers beside dates; give seconds or dates")
+    # Without the zone, for numpy has none.
+    return pd.to_datetime(times, utc=True).dt.tz_localize(None).to_numpy()
 
 
 def _names(table: Any) -> Iterable[Any]:

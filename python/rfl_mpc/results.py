@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from rfl_mpc._native import RflError
+
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
@@ -151,9 +153,16 @@ class Report(_Result):
         return json.dumps(self.report, indent=2, ensure_ascii=False) + "\n"
 
     def save(self, file: str | Path) -> None:
-        """Writes the page, or with the suffix ``.json`` the numbers."""
+        """Writes the page (``.html``) or the numbers (``.json``); a folder that is missing is made."""
         file = Path(file)
-        file.write_text(self.to_json() if file.suffix == ".json" else self.page, encoding="utf-8")
+        suffix = file.suffix.lower()
+        if suffix not in (".html", ".htm", ".json"):
+            raise RflError(f"{file}: a report is written as .html or .json; give a file with one of these endings")
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(self.to_json() if suffix == ".json" else self.page, encoding="utf-8")
+        except OSError as error:
+            raise RflError(f"{file}: cannot be written ({error.strerror}); give another file") from None
 
     def __repr__(self) -> str:
         return (

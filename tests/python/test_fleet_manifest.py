@@ -52,6 +52,47 @@ def test_a_table_says_vehicle_time_and_files(manifest, tmp_path, suffix):
     assert [drive.reference for drive in drives] == [str(tmp_path / "x" / "0.csv"), None, None]
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_a_table_is_read_as_spreadsheets_save_it(manifest, tmp_path, encoding, separator):
+    rows = [("Log", "Vehicle", "TIME"), ("x/a.csv", "grün", "1"), ("x/b, c; d.csv", "grün", "2"), ("", "", "")]
+    text = "\r\n".join(separator.join(f'"{cell}"' for cell in row) for row in rows)
+    (tmp_path / "drives.csv").write_text(text, encoding=encoding)
+    assert of(manifest.read([tmp_path / "drives.csv"])) == [("grün", "a.csv"), ("grün", "b, c; d.csv")]
+
+
+def test_a_data_frame_is_a_manifest_with_files_relative_to_the_current_folder(manifest, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    frame = pd.DataFrame({"log": ["2.csv", "1.csv"], "vehicle": [7, 7], "time": pd.to_datetime(["2026-03-01"] * 2)})
+    drives = manifest.read([frame])
+    assert [drive.log for drive in drives] == [str(tmp_path / "1.csv"), str(tmp_path / "2.csv")]
+    assert [drive.vehicle for drive in drives] == ["7", "7"]
+
+
+def test_a_corrupt_parquet_file_is_a_log_that_its_diagnosis_refuses(manifest, tmp_path):
+    (tmp_path / "x.parquet").write_bytes(b"PAR1")
+    assert of(manifest.read([tmp_path / "x.parquet"])) == [(tmp_path.name, "x.parquet")]
+
+
+@pytest.mark.parametrize("name", ["drives.csv", "drives.parquet"])
+def test_a_table_that_is_neither_log_nor_manifest_is_refused_with_the_names_it_needs(rfl_mpc, manifest, tmp_path, name):
+    table = pd.DataFrame({"path": ["a.csv"], "Vehicle": ["v"], "time": ["1"]})
+    getattr(table, "to_csv" if name.endswith("csv") else "to_parquet")(tmp_path / name)
+    with pytest.raises(rfl_mpc.RflError, match=r"columns: .*path, vehicle.*needs the columns log and vehicle"):
+        manifest.read([tmp_path / name])
+
+
+def test_a_log_with_a_column_of_a_manifest_stays_a_log(manifest, tmp_path):
+    (tmp_path / "log.csv").write_text("time,steer_cmd,vx,vehicle\n0,0,1,a\n")
+    assert of(manifest.read([tmp_path / "log.csv"])) == [(tmp_path.name, "log.csv")]
+
+
+@pytest.mark.parametrize("source", [None, 3, pd.DataFrame({"path": ["a.csv"]})])
+def test_what_names_no_drives_is_said(rfl_mpc, manifest, source):
+    with pytest.raises(rfl_mpc.RflError, match="manifest"):
+        manifest.read([source])
+
+
 def test_times_may_be_numbers(manifest, tmp_path):
     (tmp_path / "drives.csv").write_text("log,vehicle,time\na.csv,v,10\nb.csv,v,9.5\n")
     assert of(manifest.read([tmp_path / "drives.csv"])) == [("v", "b.csv"), ("v", "a.csv")]
@@ -66,6 +107,8 @@ def test_times_may_be_numbers(manifest, tmp_path):
         ("log,vehicle\na.csv,\n", "row 2: no vehicle"),
         ("log,vehicle\n,v\n", "row 2: no log"),
         ("log,vehicle,car\na.csv,v,x\n", "column 'car' is none of a manifest"),
+        ("log,vehicle,Log\na.csv,v,b.csv\n", "the column 'log' stands twice"),
+        ("log,vehicle\na.csv,v\nb.csv,v,w\n", "row 3: 3 values for 2 columns"),
         ("log,vehicle\na.csv,v\na.csv,v\n", "is given twice"),
         ("log,vehicle\n", "no drive is given"),
     ],

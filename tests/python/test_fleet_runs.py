@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 pytest.importorskip("distributed", reason="the extra [fleet] is not installed")
@@ -134,6 +135,80 @@ def test_a_bad_log_is_a_row_with_its_error(fleet, logs, tmp_path):
     assert "empty" in errors["empty.csv"] and "steer_cmd" in errors["other.csv"]
     assert errors["pipe.csv"] == "no answer within 12 s (--time-limit)"
     assert found.report["errors"] == 4 and "4 drives were not diagnosed, such as" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"workers": "2"}, "workers: '2'; give a whole number"),
+        ({"workers": 1.5}, "workers: 1.5; give a whole number"),
+        ({"time_limit": None}, "time_limit: None; give a number of seconds"),
+        ({"time_limit": float("inf")}, "time_limit: inf; give a number of seconds"),
+        ({"trust": "hi"}, "invalid value 'hi' for '--trust"),
+        ({"rate": -3}, "invalid value '-3' for '--rate"),
+        ({"sources": None}, "None names no drives"),
+        ({"sources": 3}, "3 names no drives"),
+    ],
+)
+def test_bad_options_are_said_before_the_first_drive(rfl_mpc, fleet, tmp_path, monkeypatch, options, words):
+    monkeypatch.setattr("rfl_mpc.fleet.engine.cluster", lambda *_: pytest.fail("a drive was begun"))
+    (tmp_path / "log.csv").write_text("time,steer_cmd,vx\n")
+    with pytest.raises(rfl_mpc.RflError) as caught:
+        fleet.run(**{"sources": tmp_path / "log.csv", "out": tmp_path / "fleet", **options})
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("by", ["option", "manifest"])
+def test_a_bad_vehicle_file_is_said_before_the_first_drive(rfl_mpc, fleet, tmp_path, monkeypatch, by):
+    monkeypatch.setattr("rfl_mpc.fleet.engine.cluster", lambda *_: pytest.fail("a drive was begun"))
+    (tmp_path / "mine.toml").write_text("[vehicle]\nmass = 1500\n")
+    column, value = (",vehicle_file", ",mine.toml") if by == "manifest" else ("", "")
+    (tmp_path / "drives.csv").write_text(f"log,vehicle{column}\na.csv,v{value}\n")
+    vehicle = tmp_path / "mine.toml" if by == "option" else None
+    with pytest.raises(rfl_mpc.RflError, match=r"mine.toml, line 1: missing field"):
+        fleet.run(tmp_path / "drives.csv", vehicle=vehicle, out=tmp_path / "fleet")
+
+
+def test_the_exit_status_is_1_if_nothing_was_diagnosed(rfl_mpc, tmp_path):
+    (tmp_path / "broken.parquet").write_bytes(b"PAR1")
+    words = command(tmp_path / "broken.parquet", "--out", tmp_path / "fleet", "--workers", 1, "--quiet")
+    done = subprocess.run(words, check=False, env=environment(rfl_mpc), capture_output=True, text=True)
+    assert done.returncode == 1 and done.stderr == "error: no drive was diagnosed\n", done.stderr
+    assert "1 drives were not diagnosed" in done.stdout and "broken.parquet" in done.stdout
+
+
+def test_results_stay_what_they_were_read_as_from_any_folder(rfl_mpc, fleet, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text("time,vx\n0,1\n")
+    first = fleet.run("a.csv", out="fleet", workers=1)
+    unread = fleet.run("a.csv", out="fleet", workers=1)
+    (tmp_path / "below").mkdir()
+    monkeypatch.chdir(tmp_path / "below")
+    assert len(first.verdicts) == 1
+    fleet.run(["../a.csv", "../b.csv"], out="../fleet", workers=1)
+    assert len(first.verdicts) == 1
+    with pytest.raises(rfl_mpc.RflError, match="another run has written here since"):
+        _ = unread.verdicts
+
+
+def test_a_dry_run_has_no_tables(rfl_mpc, fleet, tmp_path):
+    (tmp_path / "a.csv").write_text("time,vx\n0,1\n")
+    found = fleet.run(tmp_path / "a.csv", out=tmp_path / "fleet", dry_run=True)
+    with pytest.raises(rfl_mpc.RflError, match="a dry run has no vehicles"):
+        _ = found.vehicles
+
+
+def test_a_data_frame_says_which_drives_there_are(fleet, tmp_path):
+    (tmp_path / "a.csv").write_text("time,vx\n0,1\n")
+    frame = pd.DataFrame({"log": [str(tmp_path / "a.csv")], "vehicle": ["v"]})
+    assert "1 drives of 1 vehicles" in str(fleet.run(frame, out=tmp_path / "fleet", dry_run=True))
+
+
+def test_options_may_be_numbers_of_numpy(fleet, tmp_path):
+    (tmp_path / "a.csv").write_text("steer_cmd,vx\n0,1\n")
+    found = fleet.run(tmp_path / "a.csv", out=tmp_path / "fleet", rate=np.int64(50), workers=np.int64(1))
+    assert "yaw_rate" in found.verdicts.error[0]
 
 
 def started(rfl_mpc, *words, **options) -> subprocess.Popen:

@@ -100,6 +100,58 @@ def test_tables_of_every_kind_are_read_alike(rfl_mpc, drive):
     assert found[0].excited and found[0].value == pytest.approx(0.06, abs=0.002)
 
 
+BEGIN = pd.Timestamp("2026-01-01")
+
+
+@pytest.mark.parametrize(
+    "timed",
+    [
+        lambda frame, dates: frame.assign(time=dates.dt.tz_localize("Asia/Tokyo")),
+        lambda frame, dates: frame.assign(time=dates.astype(object)),
+        lambda frame, dates: frame.assign(time=[date.to_pydatetime() for date in dates]).astype({"time": object}),
+        lambda frame, dates: frame.assign(time=dates.map(lambda date: date.isoformat() + "+09:00")),
+        lambda frame, dates: frame.assign(time=(dates - BEGIN).astype(object)),
+        lambda frame, dates: frame.assign(time=frame["time"].astype(str)),
+        lambda frame, dates: frame.drop(columns="time").set_index(pd.DatetimeIndex(dates, tz="UTC")),
+        lambda frame, dates: frame.set_index("time"),
+    ],
+    ids=["zone", "objects", "datetimes", "text", "durations", "numbers as text", "index of dates", "index time"],
+)
+def test_times_of_every_kind_are_seconds(rfl_mpc, drive, timed):
+    frame = drive.log[["time", "steer_cmd", "steer", "vx"]]
+    table = timed(frame, BEGIN + pd.to_timedelta(frame["time"], unit="s").dt.round("us"))
+    found, plain = (rfl_mpc.identify(one).dead_time for one in (table, frame))
+    assert np.allclose(found[:3], plain[:3], atol=1e-5)
+
+
+def test_times_begin_at_the_first_that_is_known(rfl_mpc):
+    dates = pd.Series(pd.to_datetime([None, "2026-01-01T00:00:00", "2026-01-01T00:00:00.02"], format="ISO8601"))
+    ((name, data),) = rfl_mpc._call._columns("<log>", {"time": dates})
+    assert name == "time" and np.array_equal(np.frombuffer(data), [np.nan, 0.0, 0.02], equal_nan=True)
+
+
+def test_truth_values_and_numbers_of_numpy_are_those_of_python(rfl_mpc):
+    options = {"direct": np.False_, "duration": np.array(1.0), "set": pd.Series({"vehicle.mass": np.float64(1500)})}
+    assert rfl_mpc.drive("sudoku_turns", **options).outcome == "timed_out"
+    assert rfl_mpc._call.words(direct=np.True_, without=pd.Series(["a", "b"])) == [
+        "--direct",
+        "--without=a",
+        "--without=b",
+    ]
+
+
+def test_a_report_is_saved_as_page_or_numbers_and_nothing_else(rfl_mpc, tmp_path):
+    report = rfl_mpc.Report({"verdict": {}}, "", "<html>")
+    report.save(tmp_path / "new" / "report.html")
+    report.save(tmp_path / "report.JSON")
+    assert (tmp_path / "new" / "report.html").read_text() == "<html>"
+    assert json.loads((tmp_path / "report.JSON").read_text()) == {"verdict": {}}
+    with pytest.raises(rfl_mpc.RflError, match=r"x.pdf: a report is written as .html or .json"):
+        report.save(tmp_path / "x.pdf")
+    with pytest.raises(rfl_mpc.RflError, match="cannot be written"):
+        report.save(tmp_path / "report.JSON" / "report.html")
+
+
 def test_the_steering_is_identified_as_by_the_command_line(rfl_mpc, drive, told, rfl, tmp_path):
     steering = rfl_mpc.identify(drive.log, into=tmp_path / "mine.toml", check=False)
     command = [rfl, "identify", "log.csv", "--into=told.toml", "--no-check", "--json=told.json"]
@@ -136,6 +188,16 @@ def test_a_model_is_that_of_the_command_line(rfl_mpc, drive, told, rfl, tmp_path
         (lambda rfl: rfl.drive(step="quick"), "invalid value 'quick' for '--step"),
         (lambda rfl: rfl.drive(step=-1), "must be positive"),
         (lambda rfl: rfl.diagnose([]), "give at least one log"),
+        (lambda rfl: rfl.diagnose(None), "give at least one log"),
+        (lambda rfl: rfl.identify(None), "give at least one log"),
+        (lambda rfl: rfl.train(None), "give at least one log"),
+        (lambda rfl: rfl.drive(set={"vehicle.mass": np.ones(2)}), "--set vehicle.mass: an array of 2 values"),
+        (lambda rfl: rfl.drive(set=pd.Series({"vehicle.mas": 1})), "there is no number 'vehicle.mas'"),
+        (lambda rfl: rfl.diagnose({"time": ["0", "soon"], "vx": [1.0, 1.0]}), "column time, row 2: 'soon' is neither"),
+        (
+            lambda rfl: rfl.diagnose({"time": ["0", "2026-01-01"], "vx": [1.0, 1.0]}),
+            "column time: numbers beside dates",
+        ),
         (lambda rfl: rfl.diagnose(7), "<log>: int is no log"),
         (lambda rfl: rfl.diagnose("none.csv"), "none.csv"),
         (lambda rfl: rfl.diagnose({"a": [1.0], "b": [2.0]}), "no column is a signal of a drive log (columns: a, b)"),

@@ -51,6 +51,9 @@ def main(words: Sequence[str]) -> int:
         print("stopped; what was done is kept: run again to go on", file=sys.stderr)
         return 130
     print(found)
+    if found.report.get("errors") == found.report["drives"]:
+        print("error: no drive was diagnosed", file=sys.stderr)
+        return 1
     return 3 if found.changed else 0
 
 

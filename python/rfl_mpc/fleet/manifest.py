@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import codecs
+import csv
+import gzip
+import io
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rfl_mpc._native import RflError
+from rfl_mpc._native import RflError, is_signal
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,6 +21,7 @@ if TYPE_CHECKING:
 LOGS = (".csv", ".csv.gz", ".parquet")
 """Files that are taken for logs in a folder."""
 COLUMNS = ("log", "vehicle", "time", "vehicle_file", "reference")
+NEEDS = f"a manifest needs the columns log and vehicle, and may have {', '.join(COLUMNS[2:])}"
 
 
 @dataclass(frozen=True)
@@ -34,10 +39,21 @@ class Drive:
     reference: str | None = None
 
 
-def read(sources: Sequence[str | os.PathLike[str]]) -> list[Drive]:
-    """Drives of folders, logs and manifests (tables with the columns ``log`` and ``vehicle``, CSV or Parquet)."""
+def is_table(source: Any) -> bool:
+    """Whether it is a data frame (pandas, polars, Arrow), or a dict of columns."""
+    return isinstance(source, Mapping) or hasattr(source, "columns")
+
+
+def read(sources: Sequence[Any]) -> list[Drive]:
+    """Drives of folders, logs and manifests (tables with the columns ``log`` and ``vehicle``: CSV, Parquet, frames)."""
     drives: list[Drive] = []
-    for source in map(Path, sources):
+    for given in sources:
+        if is_table(given):
+            drives += _of_frame(given)
+            continue
+        if not isinstance(given, (str, os.PathLike)):
+            raise RflError(f"{given!r} names no drives; give a folder, a log or a manifest")
+        source = Path(given)
         if source.is_dir():
             found = list(_of_folder(source))
             if not found:
@@ -46,7 +62,7 @@ def read(sources: Sequence[str | os.PathLike[str]]) -> list[Drive]:
         elif not source.exists():
             raise RflError(f"{source}: no such file or folder")
         elif (table := _table(source)) is not None:
-            drives += _of_table(source, table)
+            drives += _of_table(str(source), source.resolve().parent, table)
         else:
             log = source.resolve()
             drives.append(Drive(str(log), log.parent.name, (0.0, _natural(log.name))))
@@ -95,32 +111,109 @@ def _table(source: Path) -> pd.DataFrame | None:
     if source.suffix == ".parquet":
         import pyarrow.parquet as parquet
 
-        names = parquet.read_schema(source).names
-        return pd.read_parquet(source) if {"log", "vehicle"} <= set(names) else None
-    if not source.name.endswith((".csv", ".csv.gz", ".tsv")):
+        try:
+            if not _is_manifest(source, parquet.read_schema(source).names):
+                return None
+        except (ValueError, OSError):
+            # Its diagnosis says what is wrong with it.
+            return None
+        try:
+            return pd.read_parquet(source)
+        except (ValueError, OSError) as error:
+            raise RflError(f"{source}: {error}; write it anew") from None
+    if not source.name.endswith((".csv", ".csv.gz", ".tsv")) or not source.is_file():
         return None
     try:
-        table = pd.read_csv(source, sep=None, engine="python", dtype=str, keep_default_na=False, nrows=0)
-        if not {"log", "vehicle"} <= set(table.columns):
+        separator = _separator(source)
+        if separator is None:
             return None
-        separator = "\t" if source.name.endswith(".tsv") else None
-        options: dict[str, Any] = {"sep": separator or ","}
-        with open(source, "rb") as file:
-            head = file.readline()
-        if separator is None and b";" in head and b"," not in head:
-            options["sep"] = ";"
-        return pd.read_csv(source, dtype=str, keep_default_na=False, **options)
-    except (ValueError, UnicodeDecodeError, pd.errors.ParserError):
+        with _open(source) as file:
+            text = _decoded(file.read())
+    except (OSError, EOFError):
         return None
+    try:
+        lines = csv.reader(io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True)
+        head, *rows = [cells for cells in lines if any(cells)]
+    except csv.Error as error:
+        raise RflError(f"{source}: {error}; write the table anew") from None
+    for row, cells in enumerate(rows, start=2):
+        if len(cells) > len(head):
+            words = f"{len(cells)} values for {len(head)} columns; quote a value that holds '{separator}'"
+            raise RflError(f"{source}, row {row}: {words}")
+        cells.extend([""] * (len(head) - len(cells)))
+    return pd.DataFrame(rows, columns=head, dtype=object)
 
 
-def _of_table(source: Path, table: pd.DataFrame) -> Iterator[Drive]:
+def _open(source: Path) -> Any:
+    return gzip.open(source, "rb") if source.suffix == ".gz" else open(source, "rb")
+
+
+def _decoded(data: bytes, *, whole: bool = True) -> str:
+    """Text as spreadsheets write it: UTF-8, UTF-16, or of Windows; what is not whole may end within a letter."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", errors="replace")
+    try:
+        return codecs.getincrementaldecoder("utf-8-sig")().decode(data, final=whole)
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")
+
+
+def _separator(source: Path) -> str | None:
+    """What separates the values of a manifest; None: it is a log."""
+    with _open(source) as file:
+        # The names are within this; a log is not read for them.
+        lines = _decoded(file.read(1 << 16), whole=False).lstrip("\r\n").splitlines()
+    if not lines:
+        return None
+    heads = {}
+    for separator in ",;\t":
+        try:
+            heads[separator] = next(csv.reader([lines[0]], delimiter=separator, skipinitialspace=True))
+        except csv.Error:
+            continue
+    if not heads:
+        return None
+    separator = max(heads, key=lambda one: len(heads[one]))
+    return separator if _is_manifest(source, heads[separator]) else None
+
+
+def _lower(name: Any) -> str:
+    return str(name).strip().lower()
+
+
+def _is_manifest(source: Path, columns: Iterable[Any]) -> bool:
+    """Whether columns are those of a manifest; what is neither one nor a log is an error."""
+    names = [_lower(column) for column in columns]
+    if {"log", "vehicle"} <= set(names):
+        return True
+    # A time may be of both.
+    logged = any(is_signal(name.split("[")[0].strip()) for name in names if name != "time")
+    if not logged and any(name in COLUMNS and name != "time" for name in names):
+        raise RflError(f"{source}: neither a log nor a manifest (columns: {', '.join(names[:8])}); {NEEDS}")
+    return False
+
+
+def _of_frame(given: Any) -> Iterator[Drive]:
+    """Drives of a data frame; its files are relative to the current folder."""
     import pandas as pd
 
+    table = given.to_pandas() if hasattr(given, "to_pandas") else pd.DataFrame(given)
+    names = [_lower(column) for column in table.columns]
+    if not {"log", "vehicle"} <= set(names):
+        raise RflError(f"<table>: no manifest (columns: {', '.join(names[:8]) or 'none'}); {NEEDS}")
+    yield from _of_table("<table>", Path.cwd(), table)
+
+
+def _of_table(source: str, folder: Path, table: pd.DataFrame) -> Iterator[Drive]:
+    import pandas as pd
+
+    table = table.rename(columns=_lower)
     other = [name for name in table.columns if name not in COLUMNS]
     if other:
         raise RflError(f"{source}: column '{other[0]}' is none of a manifest; its columns are {', '.join(COLUMNS)}")
-    folder = source.resolve().parent
+    if not table.columns.is_unique:
+        name = table.columns[table.columns.duplicated()][0]
+        raise RflError(f"{source}: the column '{name}' stands twice; leave one of them out")
     base = str(folder) + os.sep
     rows = len(table)
 
@@ -151,7 +244,7 @@ def _of_table(source: Path, table: pd.DataFrame) -> Iterator[Drive]:
         yield Drive(log_path, str(vehicle), (order, _natural(log_path)), text, own, placed(reference))
 
 
-def _orders(source: Path, times: list[Any]) -> list[float]:
+def _orders(source: str, times: list[Any]) -> list[float]:
     """Times as numbers: seconds, or dates; none: in the order of the names."""
     import pandas as pd
 

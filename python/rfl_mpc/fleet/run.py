@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import itertools
 import json
+import numbers
 import os
 import sys
-from collections.abc import Iterator, Sequence
+import threading
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import rfl_mpc
+from rfl_mpc._call import plain
 from rfl_mpc._native import RflError
 from rfl_mpc.fleet import engine, manifest, page, tables
 from rfl_mpc.fleet.changes import Change, Vehicle
@@ -34,7 +38,7 @@ NOT_KNOWN = "not known"
 
 @dataclass(frozen=True)
 class Fleet:
-    """What a run gave; the tables lie in ``out``."""
+    """What a run gave; the tables lie in ``out``, an absolute path."""
 
     out: Path
     report: dict[str, Any]
@@ -45,26 +49,40 @@ class Fleet:
         """Vehicles that have changed, the surest first."""
         return self.report["changed"]
 
-    @property
+    @functools.cached_property
     def vehicles(self) -> pd.DataFrame:
-        """A row a change: see ``vehicles.parquet``."""
-        import pandas as pd
+        """A row a change: see ``vehicles.parquet``; kept once it is read."""
+        return self._table("vehicles.parquet")
 
-        return pd.read_parquet(self.out / "vehicles.parquet")
-
-    @property
+    @functools.cached_property
     def verdicts(self) -> pd.DataFrame:
-        """A row a drive: see ``verdicts.parquet``."""
+        """A row a drive: see ``verdicts.parquet``; kept once it is read."""
+        return self._table("verdicts.parquet")
+
+    def _table(self, name: str) -> pd.DataFrame:
         import pandas as pd
 
-        return pd.read_parquet(self.out / "verdicts.parquet")
+        if "waiting" in self.report:
+            raise RflError(f"a dry run has no {name}; run without dry_run")
+        try:
+            now = (self.out / "fleet.json").read_text(encoding="utf-8")
+            found = pd.read_parquet(self.out / name)
+        except OSError as error:
+            raise RflError(f"{self.out / name}: cannot be read ({error.strerror}); run again") from None
+        if now != _json(self.report):
+            raise RflError(f"{self.out}: another run has written here since; give each run an out of its own")
+        return found
 
     def __str__(self) -> str:
         return self.report["words"]
 
 
+def _json(report: dict[str, Any]) -> str:
+    return json.dumps(report, indent=1) + "\n"
+
+
 def run(
-    sources: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    sources: Any,
     *,
     vehicle: str | os.PathLike[str] | None = None,
     out: str | os.PathLike[str] = "fleet",
@@ -85,7 +103,7 @@ def run(
     ----------
     sources
         Folders of logs (each folder below is a vehicle), logs, or manifests: tables with the columns ``log``,
-        ``vehicle``, and perhaps ``time``, ``vehicle_file``, ``reference``.
+        ``vehicle``, and perhaps ``time``, ``vehicle_file``, ``reference``, as files or data frames.
     vehicle
         Vehicle file of drives that name none.
     out
@@ -108,13 +126,14 @@ def run(
     Fleet
         With data frames ``vehicles`` and ``verdicts``, and ``changed``, the vehicles that have.
     """
-    if workers is not None and workers < 1:
-        raise RflError(f"workers: {workers}; give 1 or more")
-    if not time_limit > 0.0:
-        raise RflError(f"time_limit: {time_limit} s; give more than 0")
-    if reports < 0:
-        raise RflError(f"reports: {reports}; give 0 or more")
-    given = [sources] if isinstance(sources, (str, os.PathLike)) else list(sources)
+    if workers is not None and not (isinstance(workers, numbers.Integral) and workers >= 1):
+        raise RflError(f"workers: {workers!r}; give a whole number, 1 or more")
+    if not (isinstance(time_limit, numbers.Real) and 0.0 < time_limit <= threading.TIMEOUT_MAX):
+        raise RflError(f"time_limit: {time_limit!r}; give a number of seconds, more than 0")
+    if not (isinstance(reports, numbers.Integral) and reports >= 0):
+        raise RflError(f"reports: {reports!r}; give a whole number, 0 or more")
+    one = isinstance(sources, (str, os.PathLike)) or manifest.is_table(sources) or not isinstance(sources, Iterable)
+    given = [sources] if one else list(sources)
     default = None if vehicle is None else _vehicle(os.fspath(vehicle))
     drives = [
         drive if drive.vehicle_file is not None else replace(drive, vehicle_file=default)
@@ -127,7 +146,9 @@ def run(
             raise RflError(
                 f"vehicle '{drive.vehicle}' has two vehicle files, {of_vehicle[drive.vehicle]} and {file}; give it one"
             )
-    options: dict[str, Any] = {"pairs": pairs, "trust": trust, "rate": rate}
+    options: dict[str, Any] = {"pairs": plain(pairs), "trust": trust, "rate": plain(rate)}
+    for file in sorted({drive.vehicle_file for drive in drives}, key=str):
+        _check(file, options)
     folder = Path(out)
     if dry_run and not (folder / STORE).exists():
         return _plan_words(folder, drives, len(drives))
@@ -171,11 +192,21 @@ def _vehicle(name: str) -> str:
     return name
 
 
+def _check(vehicle: str | None, options: dict[str, Any]) -> None:
+    """Reads a vehicle file and the options as a diagnosis does: what is wrong with them fails each drive."""
+    try:
+        rfl_mpc.diagnose({"vx": [1.0]}, vehicle, **options)
+    except RflError as error:
+        # It comes as far as the log, which is none.
+        if not str(error).startswith("<log>"):
+            raise
+
+
 def _plan_words(folder: Path, drives: Sequence[Drive], waiting: int) -> Fleet:
     vehicles = len({drive.vehicle for drive in drives})
     types = len({drive.vehicle_file for drive in drives})
     words = f"{len(drives)} drives of {vehicles} vehicles of {types} types; {waiting} of them to be diagnosed"
-    return Fleet(folder, {"words": words, "changed": [], "drives": len(drives), "waiting": waiting})
+    return Fleet(folder.absolute(), {"words": words, "changed": [], "drives": len(drives), "waiting": waiting})
 
 
 class Answers:
@@ -339,10 +370,10 @@ def _write(folder: Path, answers: Answers, types: list[TypeState], reports) -> F
         "changes": [one for one in changes if one["said"]],
         "version": version,
     }  # fmt: skip
-    tables.write_text(folder / "fleet.json", lambda: json.dumps(report, indent=1) + "\n")
+    tables.write_text(folder / "fleet.json", lambda: _json(report))
     made = lambda: page.page(types, labels.__getitem__, _history(answers), reports, counts, errors, version)  # noqa: E731
     tables.write_text(folder / "index.html", made)
-    return Fleet(folder, report)
+    return Fleet(folder.absolute(), report)
 
 
 def _changes(types: Sequence[TypeState], labels) -> Iterator[dict[str, Any]]:
