@@ -215,3 +215,21 @@ fn a_long_communication_step_is_the_controllers_sample_time() {
     let refusal = refused(&rfl(folder.path(), &["drive", "--quiet", "--path", &road, "--step", "0.5"]));
     assert!(refusal.contains("--step 0.5") && refusal.contains("0.2"), "{refusal}");
 }
+
+#[test]
+fn a_road_with_a_kink_is_driven() {
+    let there = (0..=50).map(|i| Sample::at(f64::from(i), 0.0));
+    let on = |angle: f64| {
+        (1..=50).map(move |i| Sample::at(50.0 + f64::from(i) * angle.cos(), f64::from(i) * angle.sin()))
+    };
+    for (degrees, most) in [(30.0_f64, 0.15), (45.0, 0.5)] {
+        let samples = there.clone().chain(on(degrees.to_radians())).collect();
+        let road = Arc::new(Road::from_samples(samples, Closure::Open).unwrap());
+        let car = builtin("c_class").unwrap();
+        let controller = Controller::new(ControllerParameters::for_car(&car), road).unwrap();
+        let mut closed = ClosedLoop::at_start(controller, &car, &Effects::default(), 0.02).unwrap();
+        let drive = closed.record(90.0, |_, _| true);
+        assert_eq!(drive.ending.outcome, Outcome::Completed, "{degrees} degrees: {}", drive.ending.reason());
+        assert!(drive.tracking().max < most, "{degrees} degrees: {} m", drive.tracking().max);
+    }
+}

@@ -11,6 +11,7 @@ const LIMITS: SpeedLimits = SpeedLimits {
     decel: 1.5,
     speed: 20.0,
     curvature_rate: f64::INFINITY,
+    curvature: f64::INFINITY,
     lateral_jerk: f64::INFINITY,
     grip: CAR_GRIP,
 };
@@ -164,6 +165,33 @@ fn a_closed_plan_is_the_same_wherever_the_lap_begins() {
     let length = start.length();
     assert!((plan.speed(length - 1e-6) - plan.speed(0.0)).abs() < 1e-3);
     assert!((plan.speed(3.0 * length + 17.0) - plan.speed(17.0)).abs() < 1e-6);
+}
+
+/// Two straights that meet at an angle, with a point each metre.
+fn kinked(angle: f64) -> Path {
+    let there = (0..=100).map(|i| Sample::at(f64::from(i), 0.0));
+    let on = (1..=100).map(|i| Sample::at(100.0 + f64::from(i) * angle.cos(), f64::from(i) * angle.sin()));
+    Path::from_samples(there.chain(on).collect(), Closure::Open).unwrap()
+}
+
+#[test]
+fn a_kink_is_driven_as_slowly_as_the_steering_turns_and_no_slower() {
+    let steered = SpeedLimits { curvature_rate: 0.15, curvature: 0.2, ..LIMITS };
+    for angle in [0.35, 0.5, 0.8] {
+        let plan = SpeedPlan::new(&kinked(angle), &steered);
+        let slowest = (0..400).map(|i| plan.speed(80.0 + 0.1 * f64::from(i))).fold(f64::INFINITY, f64::min);
+        // From lock to lock within 2 m: 2 m * 0.15 / 0.4; the tightest bend may ask for less.
+        assert!((0.3..=0.8).contains(&slowest), "{slowest} m/s at {angle} rad");
+        assert!(plan.duration() < 60.0);
+    }
+    // No road that the vehicle can follow is driven otherwise.
+    for route in [Route::SudokuTurns, Route::HairpinCircuit] {
+        let path = course(route);
+        let [with, without] = [0.2, f64::INFINITY]
+            .map(|curvature| SpeedPlan::new(&path, &SpeedLimits { curvature, ..steered }));
+        let all = 0..path.length() as usize;
+        assert!(all.into_iter().all(|s| with.speed(s as f64).to_bits() == without.speed(s as f64).to_bits()));
+    }
 }
 
 proptest! {

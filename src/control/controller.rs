@@ -220,6 +220,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             decel: speed.decel,
             speed: speed.limit,
             curvature_rate: steered(mpc.steer_rate_max / vehicle.wheelbase()),
+            curvature: mpc.steer_max.tan() / vehicle.wheelbase(),
             lateral_jerk: steered(mpc.lateral_jerk_max),
             grip: G::GRIP,
         };

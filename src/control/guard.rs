@@ -289,9 +289,9 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             let off = difference(i, told[i], track.mean[i]);
             let units = off * off / (track.covariance[(i, i)] + self.noise[i]);
             let spread = state.spread[i].clamp(1.0, LARGEST_SPREAD);
-            let new = !stale && !(stale_pose && POSE.contains(&i));
-            *believed = new && units <= GATE * GATE * spread;
-            contradicts |= new && !*believed;
+            let old = if POSE.contains(&i) { stale_pose } else { stale };
+            *believed = !old && units <= GATE * GATE * spread;
+            contradicts |= !old && !*believed;
             if *believed {
                 state.spread[i] += (units - state.spread[i]) * (elapsed / MEMORY).min(1.0);
             }

@@ -3,6 +3,7 @@
 //! ```text
 //!     v(s) <= min(limit of the road, limit of the user, sqrt(a_lat / |curvature|))
 //!     v |curvature'| <= curvature rate,   v^3 |curvature'| <= lateral jerk              (what steering can follow)
+//!     |curvature'| as driven: from lock to lock at most, over LOCK_TO_LOCK              (a kink is rounded)
 //!     -decel(v) <= v dv/ds <= accel(v),   both scaled by sqrt(1 - (v^2 curvature / a_lat)^2)   (friction ellipse)
 //! ```
 //!
@@ -34,6 +35,8 @@ pub const CAR_GRIP: f64 = 0.8 * GRAVITY;
 /// ... and of a truck's, whose hard tyres have three quarters of it.
 pub const TRUCK_GRIP: f64 = 0.6 * GRAVITY;
 
+/// Way over which the steering goes from lock to lock where the points have a kink, m: none drives tighter than it can turn.
+const LOCK_TO_LOCK: f64 = 2.0;
 /// Length over which the acceleration changes from one value to the next in m.
 const BLEND: f64 = 4.0;
 
@@ -50,6 +53,8 @@ pub struct SpeedLimits {
     pub speed: f64,
     /// Rate of the driven curvature in 1/(m s): about the steering's rate over the wheelbase; infinite for no limit.
     pub curvature_rate: f64,
+    /// Curvature at the steering's lock in 1/m; infinite for no limit.
+    pub curvature: f64,
     /// Lateral jerk in m/s3; infinite for no limit.
     pub lateral_jerk: f64,
     /// Largest part of the tyres' grip that a plan uses where the friction factor is 1, in m/s2.
@@ -66,6 +71,7 @@ impl Default for SpeedLimits {
             decel: 1.8,
             speed: 50.0,
             curvature_rate: without,
+            curvature: without,
             lateral_jerk: without,
             grip: CAR_GRIP,
         }
@@ -142,7 +148,8 @@ impl SpeedPlan {
                     limits.accel.min(DRIVEN_SHARE * grip - back).max(LEAST_SHARE * limits.accel.min(grip)),
                 ]);
                 let top = if road.is_nan() { limits.speed } else { limits.speed.min(road) };
-                let change = path.curvature_rate(i as f64 * step).abs().max(1e-12);
+                let driven = 2.0 * limits.curvature / LOCK_TO_LOCK;
+                let change = path.curvature_rate(i as f64 * step).abs().min(driven).max(1e-12);
                 let steered = (limits.curvature_rate / change).min((limits.lateral_jerk / change).cbrt());
                 (top * top).min(limit / curvature[i].abs().max(1e-9)).min(steered * steered)
             })
