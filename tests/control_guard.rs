@@ -470,9 +470,12 @@ fn sensors_slower_than_the_controller_are_bridged_and_when_they_die_the_vehicle_
     }
 }
 
+/// What is wrong with all measurements.
+type Wrong = fn(&mut Measurement);
+
 #[test]
 fn signals_that_contradict_one_another_from_the_start_stop_the_vehicle() {
-    let wrong: [(&str, fn(&mut Measurement)); 3] = [
+    let wrong: [(&str, Wrong); 3] = [
         ("a speed in km/h", |told| told.vx *= 3.6),
         ("five times the speed", |told| told.vx *= 5.0),
         ("a yaw rate in degrees", |told| told.yaw_rate *= 57.3),

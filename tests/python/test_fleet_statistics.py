@@ -183,6 +183,21 @@ def test_an_error_of_many_tolerances_is_the_type_s_and_no_spread(fleet):
     assert not any(any(one.said) for one in state.vehicles)
 
 
+@pytest.mark.parametrize("begin", [0, 1])
+def test_one_changed_vehicle_of_two_is_no_error_of_both(fleet, begin):
+    rng = np.random.default_rng(19)
+    shares = (np.array([0.3, 0.3, 0.3, 0.3, 0.0]), np.array([0.2, 0.2, 0.2, 0.2, 0.0]))
+
+    def change(vehicle, drive):
+        return np.array([0.0, 9.0, 0.0, 0.0, 0.0]) * (vehicle == 1 and drive >= begin)
+
+    state = reduced(fleet, *drawn(fleet, rng, 2, 3, of=shares, common=np.zeros(5), change=change))
+    assert not state.common
+    sound, changed = state.vehicles
+    assert not any(sound.said)
+    assert [(one.effect, one.since) for one, said in zip(changed.changes, changed.said) if said] == [("e1", begin)]
+
+
 def test_a_fleet_in_which_nothing_changes_has_no_changes(fleet):
     rng = np.random.default_rng(11)
     shares = (np.array([0.3, 0.1, 0.3, 0.5, 0.0]), np.array([0.2, 0.5, 0.1, 0.3, 0.0]))

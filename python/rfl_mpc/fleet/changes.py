@@ -27,7 +27,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import ndtr
 
-from rfl_mpc.fleet.hierarchy import Spread, without
+from rfl_mpc.fleet.hierarchy import Spread
+from rfl_mpc.fleet.hierarchy import without as marginal
 from rfl_mpc.fleet.summary import Drives, Parameter
 
 RATE = 1e-3
@@ -125,10 +126,12 @@ class Found:
 class Vehicle:
     """Drives of one vehicle in their order, and what of it is known."""
 
-    def __init__(self, drives: Drives, spread: Spread, rate: float = RATE) -> None:
+    def __init__(
+        self, drives: Drives, spread: Spread, rate: float = RATE, without: frozenset[str] = frozenset()
+    ) -> None:
         self.parameters, self.rate = drives.parameters, rate
-        self.kinds = kinds(drives.parameters)
-        self.precision, shift = without(drives.precision, drives.shift, spread.between_drives)
+        self.kinds = [kind for kind in kinds(drives.parameters) if kind.effect not in without]
+        self.precision, shift = marginal(drives.precision, drives.shift, spread.between_drives)
         self.shift = shift - self.precision @ spread.mean
         variance = np.diag(spread.between_vehicles) + spread.covariance
         self.free = np.flatnonzero(np.diag(variance) > 0.0)
@@ -162,11 +165,13 @@ class Vehicle:
         deviation = np.sqrt(np.maximum(solved[:, 0, 0], 0.0)) * (1.0 if parameter.reciprocal else parameter.scale)
         return np.array([parameter.value(one) for one in level + found[:, 0]]), deviation
 
-    def offsets(self, known: Known) -> np.ndarray:
-        """What changes add to each drive's parameters, of shape ``(drives, parameters)``."""
+    def offsets(self, known: Known) -> tuple[np.ndarray, np.ndarray]:
+        """What changes add to each drive's parameters, ``(drives, parameters)``: those since a later drive; all."""
         count, q = len(self.shift), len(self.free)
         _, mean, _ = self._state(count, known)
-        return self._added(count, known)[:, :, q:] @ mean[q:]
+        added = self._added(count, known)[:, :, q:]
+        later = [not mask[0] for mask, kind in known for _ in kind.places]
+        return added @ np.where(later, mean[q:], 0.0), added @ mean[q:]
 
     def _last(self, count: int, known: Known) -> tuple[np.ndarray, np.ndarray]:
         """Parameters after the last drive, scaled differences, and their covariance."""

@@ -2,7 +2,9 @@
 
 Types are reduced one after the other. Spreads are learned from a sample of whole vehicles; then each vehicle is
 looked at alone, so that memory holds one vehicle's drives. What all sisters share is the type's, and is said once.
-Changes that were found are taken out of the drives before the spreads are learned anew.
+Changes that were found are taken out of the drives before the spreads are learned anew. What began on a later drive
+tells itself from what all share: it is taken out before that is looked for, or one changed vehicle among few would pass
+for an error of all. What most vehicles differ from, from their first drive on, is no error of all either.
 
 Which changes are said is decided over all vehicles together: the largest set whose expected share of false ones is
 below a limit. With probabilities in place of p-values that is the counterpart of Benjamini and Hochberg's rule
@@ -13,7 +15,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -84,22 +86,17 @@ def reduce_type(
         return None
     drives = drives_of([one for _, of in sample for one in of], parameters)
     number = np.repeat(np.arange(len(sample)), [len(of) for _, of in sample])
-    rate, settled, found = RATE, drives, ordinary(parameters)
+    rate, found = RATE, ordinary(parameters)
+    settled, refused = _without_changes(drives, number, found, rate).later, frozenset()
     for last in range(PASSES):
-        found, common, offset = _common(settled, number, found)
+        found, common, offset = _common(settled, number, found, refused)
         if last == PASSES - 1:
             break
-        shift, expected = drives.shift.copy(), 0.0
-        for row in range(len(sample)):
-            own = number == row
-            vehicle = Vehicle(drives.take(own), found, rate)
-            changes = vehicle.changes()
-            expected += sum(it.probability for it in changes.changes if not it.passing)
-            shift[own] -= np.einsum("dij,dj->di", drives.precision[own], vehicle.offsets(changes.known))
-        rate = rate_of(expected, len(drives))
-        settled = Drives(parameters, drives.precision, shift)
+        looked = _without_changes(drives, number, found, rate)
+        settled, usual, rate = looked.later, looked.usual, rate_of(looked.expected, len(drives))
+        refused |= {it.effect for it in common if 2 * looked.from_start.count(it.effect) > len(sample)}
         # An error that all share is many tolerances off: left in, it would be taken for their spread.
-        found = spread(Drives(parameters, drives.precision, shift - drives.precision @ offset), number)
+        found = spread(replace(usual, shift=usual.shift - usual.precision @ offset), number)
     states: list[VehicleState] = []
     count = 0
     for done, name in enumerate(vehicles, 1):
@@ -112,6 +109,34 @@ def reduce_type(
             states.append(VehicleState(name, type, len(own), of.changes, of.candidate, of.nothing, of.mean, deviation))
         progress(done / len(vehicles))
     return TypeState(type, parameters, found, common, rate, _differs(parameters, found), states, count)
+
+
+@dataclass(frozen=True)
+class _Looked:
+    """Drives without changes, and what these were."""
+
+    later: Drives
+    """Without those that began after a vehicle's first drive."""
+    usual: Drives
+    """Without any."""
+    expected: float
+    """Expected number of lasting ones."""
+    from_start: list[str]
+    """Effects that a vehicle has from its first drive on, for each vehicle that does."""
+
+
+def _without_changes(drives: Drives, number: np.ndarray, of: Spread, rate: float) -> _Looked:
+    """Looks for changes in each vehicle, and takes them out."""
+    later, usual, expected, from_start = drives.shift.copy(), drives.shift.copy(), 0.0, []
+    for one in np.unique(number):
+        own = number == one
+        vehicle = Vehicle(drives.take(own), of, rate)
+        found = vehicle.changes()
+        expected += sum(it.probability for it in found.changes if not it.passing)
+        from_start += [kind.effect for mask, kind in found.known if mask.all()]
+        for shift, offsets in zip((later, usual), vehicle.offsets(found.known)):
+            shift[own] -= np.einsum("dij,dj->di", drives.precision[own], offsets)
+    return _Looked(replace(drives, shift=later), replace(drives, shift=usual), expected, from_start)
 
 
 def _differs(parameters: tuple[Parameter, ...], of: Spread) -> list[int]:
@@ -153,16 +178,18 @@ def _sample(vehicles: Sequence[str], summaries: Summaries) -> list[tuple[str, li
     return sorted(drawn)
 
 
-def _common(drives: Drives, number: np.ndarray, of: Spread) -> tuple[Spread, list[Change], np.ndarray]:
+def _common(
+    drives: Drives, number: np.ndarray, of: Spread, refused: frozenset[str]
+) -> tuple[Spread, list[Change], np.ndarray]:
     """Effects that all vehicles of a type have, the spread about them, and what they add to the parameters."""
     precision, shift = type_likelihood(drives, number, of)
     usual = of.free.astype(float)
     nothing = np.zeros_like(usual)
     about = Spread(of.free, nothing, np.zeros((len(usual), len(usual))), usual, nothing)
-    sisters = Vehicle(Drives(drives.parameters, precision[None], shift[None]), about)
+    sisters = Vehicle(Drives(drives.parameters, precision[None], shift[None]), about, without=refused)
     found = sisters.changes()
     learned = Spread(of.free, found.mean, found.covariance, of.between_vehicles, of.between_drives)
-    return learned, found.changes, sisters.offsets(found.known)[0]
+    return learned, found.changes, sisters.offsets(found.known)[1][0]
 
 
 def say(types: Iterable[TypeState], false: float = FALSE) -> None:
