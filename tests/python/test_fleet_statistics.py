@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -125,6 +126,7 @@ def reduced(fleet, drives, number):
     triangle = np.tril_indices(len(drives.parameters))
     rows = [
         {"name": it.name, "given": 0.0, "unit": "1", "tolerance": it.tolerance, "change": it.change, "value": 0.0}
+        | {"least": it.least}
         for it in drives.parameters
     ]  # fmt: skip
     size = np.array([it.scale for it in drives.parameters])
@@ -196,6 +198,27 @@ def test_one_changed_vehicle_of_two_is_no_error_of_both(fleet, begin):
     sound, changed = state.vehicles
     assert not any(sound.said)
     assert [(one.effect, one.since) for one, said in zip(changed.changes, changed.said) if said] == [("e1", begin)]
+
+
+def test_what_lies_outside_an_effect_s_range_is_not_named(fleet):
+    shares = fleet.changes._log_share(np.array([-1.0, 40.0, -45.0]), np.array([1.0, 41.0, -44.0]))
+    assert shares[0] == pytest.approx(math.log(0.6826894921370859))
+    # log of e^(-z^2 / 2) / (z sqrt(2 pi)) far out.
+    for found, z in zip(shares[1:], (40.0, 44.0)):
+        assert found == pytest.approx(-0.5 * z * z - math.log(z * math.sqrt(2.0 * math.pi)), abs=1e-2)
+    rng = np.random.default_rng(23)
+    shares = (np.array([0.3, 0.3, 0.3, 0.3, 0.0]), np.array([0.2, 0.2, 0.2, 0.2, 0.0]))
+
+    def change(vehicle, drive):
+        return np.array([0.0, -9.0, 0.0, 0.0, 0.0]) * (vehicle == 1 and drive >= 4)
+
+    drives, number = drawn(fleet, rng, 5, 9, of=shares, common=np.zeros(5), change=change)
+    # A load is never less than none.
+    bounded = tuple(replace(it, least=0.0) if it.effect == "e1" else it for it in drives.parameters)
+    state = reduced(fleet, replace(drives, parameters=bounded), number)
+    found = [it for one in state.vehicles for it in one.changes]
+    assert not state.common and not [it for it in found if it.effect == "e1" and not it.passing]
+    assert not any(any(one.said) for one in state.vehicles)
 
 
 def test_a_fleet_in_which_nothing_changes_has_no_changes(fleet):

@@ -25,7 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import log_ndtr
 
 from rfl_mpc.fleet.hierarchy import Spread
 from rfl_mpc.fleet.hierarchy import without as marginal
@@ -289,13 +289,22 @@ class Vehicle:
         """Logarithm of the share of a change's posterior that stays in range, over that of its prior."""
         place = kind.places[0]
         parameter, base = self.parameters[place], level[:, place] + self.mean[place]
+        least, greatest = parameter.least / parameter.scale, parameter.greatest / parameter.scale
 
-        def share(mean: np.ndarray | float, deviation: np.ndarray | float) -> np.ndarray:
-            ends = ((end / parameter.scale - base - mean) / deviation for end in (parameter.least, parameter.greatest))
-            low, high = (ndtr(end) for end in ends)
-            return np.maximum(high - low, 1e-12)
+        def share(mean: np.ndarray, deviation: np.ndarray | float) -> np.ndarray:
+            return _log_share((least - mean) / deviation, (greatest - mean) / deviation)
 
-        return np.log(share(found, deviation) / share(0.0, size * kind.deviations[0]))
+        # Noise may leave a level a little outside; a change begins within.
+        return share(base + found, deviation) - share(np.clip(base, least, greatest), size * kind.deviations[0])
+
+
+def _log_share(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Logarithm of a normal's share between two places, far out in its tails as well."""
+    low, high = np.minimum(low, high), np.maximum(low, high)
+    # The upper tail is the lower one's mirror image.
+    low, high = np.where(low > 0.0, -high, low), np.where(low > 0.0, -low, high)
+    most = log_ndtr(high)
+    return most + np.log1p(-np.exp(np.minimum(log_ndtr(low) - most, -1e-300)))
 
 
 def _interval(shares: np.ndarray) -> tuple[int, int]:
