@@ -99,7 +99,7 @@ pub fn replay_with<'a, V: ReplayVehicle>(
     let reduced = vehicle.reduced(&within)?;
     let mut model = own.into_iter().fold(reduced, |model, (effect, value)| effect.act(model, value));
 
-    let sensors = Sensors::new(drive, effects, correction, (-dead_time).max(0.0));
+    let sensors = Sensors::new(drive, effects, correction.receiver_late, (-dead_time).max(0.0));
     let mut trace = Trace::empty(drive, rows);
     let leaks = [Channel::Vx, Channel::Yaw, Channel::Along].map(|channel| drive.channels.contains(&channel));
     for &stretch in &drive.stretches {

@@ -1,7 +1,6 @@
 //! A log as the replayed vehicle meets it: late columns, a scaled speed and a turned frame undone, what is driven and the road below.
 
 use super::drive::{LEAST_SPEED, ROAD, ReplayDrive, at, at_within};
-use super::run::Correction;
 use crate::vehicle::{ReducedInput, ReducedStart, ReducedSteer, Surface, TruckEffects};
 
 /// The sensors and commands of a drive under effects, within one stretch.
@@ -26,13 +25,8 @@ pub(super) struct Sensors<'a> {
 }
 
 impl<'a> Sensors<'a> {
-    /// Of a drive; `advance` in s.
-    pub fn new(
-        drive: &'a ReplayDrive,
-        effects: &TruckEffects,
-        correction: &Correction,
-        advance: f64,
-    ) -> Self {
+    /// Of a drive; lateness of the receiver and `advance` in s.
+    pub fn new(drive: &'a ReplayDrive, effects: &TruckEffects, receiver_late: f64, advance: f64) -> Self {
         let effects = &effects.vehicle;
         Self {
             drive,
@@ -45,7 +39,7 @@ impl<'a> Sensors<'a> {
             twist: effects.heading_misalignment,
             yaw_rate_bias: effects.yaw_rate_bias,
             bank: effects.road_bank,
-            shift: (effects.sensor_delay + correction.receiver_late) / drive.step,
+            shift: (effects.sensor_delay + receiver_late) / drive.step,
             advance: advance / drive.step,
         }
     }

@@ -2,7 +2,6 @@
 
 use super::decay::one_minus_exp_neg_of;
 use super::past::Past;
-use super::{Relaxed, SprungBody};
 use crate::numerics::lanes::{FOUR, Lanes, Work};
 use crate::vehicle::tyre::TyreModel;
 use crate::vehicle::unit::{
@@ -19,6 +18,18 @@ const LEAST_STIFFNESS: f64 = 1e3;
 
 /// Left wheels, and right ones.
 const SIDES: [f64; FOUR] = [1.0, -1.0, 1.0, -1.0];
+
+/// A body on springs among a plant's states. Places of heave, its rate, pitch, its rate; mass, inertias in pitch and in
+/// roll (that with the sideways motion of rolling). Stiffnesses of the springs in heave (N/m) and pitch (N m/rad).
+pub(in crate::vehicle) struct SprungBody {
+    pub heave: [usize; 2],
+    pub pitch: [usize; 2],
+    pub mass: f64,
+    pub inertia: f64,
+    pub roll_inertia: f64,
+    pub heave_stiffness: f64,
+    pub pitch_stiffness: f64,
+}
 
 /// Wheels of two axles, or of the last one twice: constants, and memory of their last step.
 pub(super) struct FastWheels {
@@ -89,21 +100,23 @@ impl FastWheels {
 }
 
 /// One step of the fast motions. With `h`, the tyres' lateral deflections are integrated; without it they settle.
-pub(super) struct Follow<'a, P: Relaxed<N, S>, const N: usize, const S: usize> {
+pub(super) struct Follow<'a, T: TyreModel, const N: usize> {
     pub wheels: &'a mut FastWheels,
-    pub constants: &'a Wheels<P::Tyre>,
+    pub constants: &'a Wheels<T>,
     pub body: &'a SprungBody,
     pub y: &'a mut [f64; N],
     pub rates: &'a [f64; N],
+    /// Order of integration.
+    pub order: usize,
     pub h: Option<f64>,
 }
 
-impl<P: Relaxed<N, S>, const N: usize, const S: usize> Work for Follow<'_, P, N, S> {
+impl<T: TyreModel, const N: usize> Work for Follow<'_, T, N> {
     type Given = ();
 
     #[inline(always)]
     fn with<L: Lanes<Stored = [f64; FOUR]>>(self) {
-        let Self { wheels, constants, body, y, rates, h } = self;
+        let Self { wheels, constants, body, y, rates, order, h } = self;
         let number = L::splat;
         // Which wheel is in a lane.
         let lanes = if wheels.count < FOUR { [0, 1, 0, 1] } else { [0, 1, 2, 3] };
@@ -137,7 +150,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Work for Follow<'_, P, N,
         let slip = of_rates(DEFLECTION_Y) + rate * v;
         let v = match h {
             Some(h) => {
-                let ahead = wheels.slip.ahead(slip, P::ORDER);
+                let ahead = wheels.slip.ahead(slip, order);
                 v + one_minus_exp_neg_of(rate * number(h)) * (ahead / rate - v)
             }
             None => {

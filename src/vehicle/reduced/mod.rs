@@ -45,6 +45,7 @@ use super::unit::{BODY, PER_WHEEL, SHORTEST_RELAXATION, UnitAxle, VX, VY, Wheels
 use crate::numerics::lanes::compute;
 use crate::vehicle::tyre::TyreModel;
 use decay::one_minus_exp_neg;
+pub(super) use fast::SprungBody;
 use fast::{FastWheels, Follow};
 use past::Past;
 
@@ -132,18 +133,6 @@ pub trait ReducedVehicle {
     fn set_motion(&mut self, vy: f64, yaw_rate: f64);
     /// The motion now; then one step of at most about 20 ms.
     fn step(&mut self, input: &ReducedInput, step: f64) -> ReducedOutput;
-}
-
-/// A body on springs among a plant's states. Places of heave, its rate, pitch, its rate; mass, inertias in pitch and in
-/// roll (that with the sideways motion of rolling). Stiffnesses of the springs in heave (N/m) and pitch (N m/rad).
-pub(super) struct SprungBody {
-    pub heave: [usize; 2],
-    pub pitch: [usize; 2],
-    pub mass: f64,
-    pub inertia: f64,
-    pub roll_inertia: f64,
-    pub heave_stiffness: f64,
-    pub pitch_stiffness: f64,
 }
 
 /// A plant with its fast motions declared.
@@ -261,7 +250,7 @@ impl<P: Relaxed<N, S>, const N: usize, const S: usize> Reduced<P, N, S> {
     fn follow(&mut self, h: Option<f64>) {
         let Self { plant, y, rates, wheels, bodies, .. } = self;
         for ((wheels, constants), body) in wheels.iter_mut().zip(plant.wheels()).zip(bodies.iter()) {
-            compute(Follow::<P, N, S> { wheels, constants, body, y, rates, h });
+            compute(Follow { wheels, constants, body, y, rates, order: P::ORDER, h });
         }
     }
 
