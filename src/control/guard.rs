@@ -122,6 +122,9 @@ pub struct GuardState {
     track: Option<Track>,
     /// The last measurement, if all of it was finite.
     told: Option<Signals>,
+    /// The measurement that last had a new pose, and the time since then, s.
+    placed: Option<Signals>,
+    waited: f64,
     /// Speed, m/s, and way, m, that the commands ask for since the last measurement that said something new.
     asked: [f64; 2],
     /// The pose that stayed to the bit while the vehicle moved, as long as it stays: no new start.
@@ -171,6 +174,8 @@ impl Default for GuardState {
         Self {
             track: None,
             told: None,
+            placed: None,
+            waited: 0.0,
             asked: [0.0; 2],
             dead_pose: None,
             agreed: 0,
@@ -275,8 +280,14 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         let stale_pose = stale || frozen_pose;
         let pose = [told[0], told[1], told[2]];
         state.dead_pose = if frozen_pose { Some(pose) } else { state.dead_pose.filter(|dead| *dead == pose) };
-        if let (Some(before), true, false) = (state.told, finite, stale_pose) {
-            self.learn_scale(&mut state.ways, &before, &told, elapsed);
+        state.waited += elapsed;
+        if finite && !stale_pose {
+            if let Some(before) = state.placed {
+                self.learn_scale(&mut state.ways, &before, &told, state.waited);
+            }
+            (state.placed, state.waited) = (Some(told), 0.0);
+        } else if !finite {
+            state.placed = None;
         }
         state.told = finite.then_some(told);
         let scale = state.scale();
@@ -383,7 +394,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
     fn begin(&self, state: &mut GuardState, told: &Signals) {
         let covariance = SMatrix::from_diagonal(&self.noise);
         state.track = Some(Track { mean: *told, covariance });
-        state.told = Some(*told);
+        (state.told, state.placed, state.waited) = (Some(*told), Some(*told), 0.0);
         (state.agreed, state.unsettled) = (0, 0.0);
         state.age = Signals::zeros();
         state.candidate = None;
