@@ -74,8 +74,8 @@ struct Outcome {
     statuses: Vec<ControlStatus>,
 }
 
-/// Drives from a station on, with a fault after a second.
-fn drive(limit: f64, station: f64, length: f64, fault: Fault, duration: f64, noise: f64) -> Outcome {
+/// The fast road, a controller that drives as fast as `limit`, and a car at a station and speed.
+fn begun(station: f64, limit: f64, speed: f64) -> (Arc<Path>, Controller, Car) {
     let path = fast_road();
     let car = builtin("c_class").unwrap();
     let mut parameters = ControllerParameters::for_car(&car);
@@ -83,7 +83,13 @@ fn drive(limit: f64, station: f64, length: f64, fault: Fault, duration: f64, noi
     let controller = Controller::new(parameters, path.clone()).unwrap();
     let mut vehicle = Car::new(&car, &Effects::default(), None).unwrap();
     let start = path.at(station);
-    vehicle.place(start.x, start.y, start.yaw, limit);
+    vehicle.place(start.x, start.y, start.yaw, speed);
+    (path, controller, vehicle)
+}
+
+/// Drives from a station on, with a fault after a second.
+fn drive(limit: f64, station: f64, length: f64, fault: Fault, duration: f64, noise: f64) -> Outcome {
+    let (path, controller, vehicle) = begun(station, limit, limit);
     let during = move |time: f64| time > 0.99 && time < 0.99 + length;
     let mut before = Measurement::default();
     let mut closed = ClosedLoop::new(controller, vehicle, 0.02).with_fault(move |time, told| {
@@ -417,14 +423,7 @@ const ALL: [bool; 6] = [true; 6];
 
 /// A drive whose sensors, those of `slow`, tell something new at each `every`-th step only, up to a time.
 fn drive_with_slow_sensors(slow: [bool; 6], every: u32, speed: f64, until: f64, duration: f64) -> Outcome {
-    let path = fast_road();
-    let car = builtin("c_class").unwrap();
-    let mut parameters = ControllerParameters::for_car(&car);
-    parameters.speed.limit = speed;
-    let controller = Controller::new(parameters, path.clone()).unwrap();
-    let mut vehicle = Car::new(&car, &Effects::default(), None).unwrap();
-    let start = path.at(20.0);
-    vehicle.place(start.x, start.y, start.yaw, 0.5 * speed);
+    let (_, controller, vehicle) = begun(20.0, speed, 0.5 * speed);
     let (mut kept, mut step) = (None::<Measurement>, 0);
     let mut closed = ClosedLoop::new(controller, vehicle, 0.02).with_fault(move |time, told| {
         if let Some(kept) = kept.filter(|_| step % every != 0 || time > until) {

@@ -5,7 +5,8 @@ use super::past::Past;
 use crate::numerics::lanes::{FOUR, Lanes, Work};
 use crate::vehicle::tyre::TyreModel;
 use crate::vehicle::unit::{
-    DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SPIN, UnitAxle, VX, WIND_UP, Wheels, YAW_RATE,
+    DEFLECTION_X, DEFLECTION_Y, LIFT, LIFT_RATE, PER_WHEEL, SIDES, SPIN, UnitAxle, VX, WIND_UP, Wheels,
+    YAW_RATE,
 };
 
 /// Share of the way to equilibrium in one step of a body's pitch and heave: its springs stand on the tyres'.
@@ -15,9 +16,6 @@ const GREATEST_SLIP: f64 = 0.5;
 const LEAST_SPEED: f64 = 1.0;
 /// Least slip stiffness of a tyre in the air, N.
 const LEAST_STIFFNESS: f64 = 1e3;
-
-/// Left wheels, and right ones.
-const SIDES: [f64; FOUR] = [1.0, -1.0, 1.0, -1.0];
 
 /// A body on springs among a plant's states. Places of heave, its rate, pitch, its rate; mass, inertias in pitch and in
 /// roll (that with the sideways motion of rolling). Stiffnesses of the springs in heave (N/m) and pitch (N m/rad).

@@ -37,7 +37,7 @@ pub(super) use axle::UnitAxle;
 pub(super) use body::{Acceleration, Push};
 pub(super) use constants::{AxleParts, Gravity, Laden, Load, Masses, UnitConstants, gravity, gravity_on};
 pub(super) use dry_friction::DryFriction;
-pub(super) use wheel::{SHORTEST_RELAXATION, Wheels, roll};
+pub(super) use wheel::{SHORTEST_RELAXATION, SIDES, Wheels, roll};
 pub(super) use wheel_motion::WheelFlow;
 pub use wheel_motion::WheelOutput;
 

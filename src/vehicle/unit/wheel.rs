@@ -42,7 +42,7 @@ const BRAKE_RELAXATION: f64 = 500.0;
 const ROLLING_FROM: f64 = 0.1;
 
 /// +1 on the left, -1 on the right, where the tyre is mounted mirrored.
-const SIDES: [f64; FOUR] = [1.0, -1.0, 1.0, -1.0];
+pub(in crate::vehicle) const SIDES: [f64; FOUR] = [1.0, -1.0, 1.0, -1.0];
 
 /// The constants of the wheels of two axles, left and right of each.
 pub(in crate::vehicle) struct Wheels<T: TyreModel> {
