@@ -6,6 +6,7 @@ handed over than keeps the workers busy, so that memory does not grow with the n
 
 from __future__ import annotations
 
+import asyncio
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -92,7 +93,14 @@ def cluster(address: str | None, workers: int | None = None) -> Iterator[Client]
         LocalCluster(**options, dashboard_address="127.0.0.1:0", silence_logs=50) as local,
         Client(local) as client,
     ):
+        local.loop.asyncio_loop.set_exception_handler(_unless_abandoned)  # type: ignore[attr-defined]
         yield client
+
+
+def _unless_abandoned(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """A wait with a limit that nobody awaits any more, for the cluster closes, is no error of a user's."""
+    if not isinstance(context.get("exception"), TimeoutError):
+        loop.default_exception_handler(context)
 
 
 def job_of(drive: Drive, options: Mapping[str, Any]) -> dict[str, Any]:
