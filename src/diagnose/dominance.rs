@@ -27,3 +27,15 @@ fn distance(ranking: &Ranking, a: &[f64], b: &[f64]) -> f64 {
 fn ratio(own: f64, background: f64) -> f64 {
     own / background.max(0.05 * own).max(1e-9)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_background_of_nothing_leaves_a_bounded_ratio() {
+        assert_eq!(ratio(3.0, 2.0), 1.5);
+        assert!((ratio(3.0, 0.0) - 20.0).abs() < 1e-12);
+        assert_eq!(ratio(0.0, 0.0), 0.0);
+    }
+}

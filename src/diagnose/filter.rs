@@ -62,3 +62,61 @@ impl Filter {
         }));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numerics::Random;
+
+    /// A column through the filter, at all rows that it reaches.
+    fn filtered(filter: &Filter, column: &[f64]) -> Vec<f64> {
+        let rows: Vec<usize> = (filter.half..column.len() - filter.half).collect();
+        let mut out = Vec::new();
+        filter.apply(column, &rows, &mut out);
+        out
+    }
+
+    #[test]
+    fn handling_passes_without_delay_and_vibration_does_not() {
+        for step in [0.01, 0.02] {
+            let filter = Filter::new(step);
+            for (frequency, least, most) in
+                [(0.0, 1.0 - 1e-12, 1.0 + 1e-12), (1.0, 0.9, 1.0), (3.0, 0.4, 0.6), (7.0, 0.0, 0.01)]
+            {
+                let wave = |row: usize| (std::f64::consts::TAU * frequency * row as f64 * step).cos();
+                let column: Vec<f64> = (0..500).map(wave).collect();
+                // In phase: what is left is a share of the wave itself.
+                let out = filtered(&filter, &column);
+                let own: Vec<f64> = (filter.half..500 - filter.half).map(wave).collect();
+                let share = out.iter().zip(&own).map(|(a, b)| a * b).sum::<f64>()
+                    / own.iter().map(|own| own * own).sum::<f64>();
+                assert!((least..=most).contains(&share), "{frequency} Hz: {share}");
+                let apart = out.iter().zip(&own).map(|(a, b)| (a - share * b).abs()).fold(0.0, f64::max);
+                assert!(apart < 1e-9, "{frequency} Hz: {apart} out of phase");
+            }
+        }
+    }
+
+    #[test]
+    fn white_noise_is_left_with_the_share_that_is_said() {
+        let filter = Filter::new(0.02);
+        let mut random = Random::new(7);
+        let noise: Vec<f64> = (0..50_000).map(|_| 12.0_f64.sqrt() * (random.uniform() - 0.5)).collect();
+        let left = super::super::problem::rms(&filtered(&filter, &noise));
+        assert!((left / filter.gain() - 1.0).abs() < 0.03, "{left} of {}", filter.gain());
+    }
+
+    #[test]
+    fn a_row_that_does_not_count_is_in_no_sample() {
+        let filter = Filter::new(0.02);
+        let mut counts = [true; 300];
+        counts[150] = false;
+        let rows = filter.rows(&counts);
+        assert!(
+            rows.iter().all(|&row| row.abs_diff(150) > filter.half && row % filter.every == 0),
+            "{rows:?}"
+        );
+        assert_eq!(rows.len(), filter.rows(&[true; 300]).len() - (2 * filter.half / filter.every + 1));
+        assert!(filter.rows(&[true; 20]).is_empty());
+    }
+}

@@ -263,3 +263,24 @@ fn at_horizon<V: ReplayVehicle>(
     }
     gaps
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Predictive;
+
+    #[test]
+    fn effects_that_predict_no_better_than_without_them_are_not_named() {
+        for ([given, effect, recalibrated, without], names, gains) in [
+            // Better than the simulator as given; better than all else recalibrated.
+            ([9.0, 4.0, 3.0, 8.0], true, true),
+            ([9.0, 4.0, 5.0, 4.5], true, false),
+            ([9.0, 10.0, 3.0, 8.0], true, true),
+            // Neither.
+            ([9.0, 9.0, 8.0, 8.0], false, true),
+            ([9.0, 12.0, 8.0, 3.0], false, true),
+        ] {
+            let found = Predictive { given, effect, recalibrated, without };
+            assert_eq!((found.names(), found.recalibration_gains()), (names, gains), "{found:?}");
+        }
+    }
+}

@@ -196,8 +196,11 @@ pub fn short(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
-    let digits = (1 - value.abs().log10().floor() as i32).max(0) as usize;
-    format!("{value:.digits$}")
+    let digits = |value: f64| (1 - value.abs().log10().floor() as i32).max(0) as usize;
+    // What is rounded up may have a place more: 9.99 is 10.
+    let places = 10_f64.powi(digits(value) as i32);
+    let rounded = (value * places).round() / places;
+    format!("{rounded:.0$}", digits(rounded))
 }
 
 /// Excitation that matters for an effect, in numbers.
@@ -238,5 +241,53 @@ fn reason(id: &str, drive: &ReplayDrive, it: &Excitation) -> String {
         }
         "roll_stiffness" if drive.column("roll").is_empty() => "roll was not logged".to_owned(),
         _ => format!("{:.0} % of grip reached", 100.0 * it.grip),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::log::CleanLog;
+    use crate::vehicle::builtin;
+
+    /// A drive at 15 m/s with a yaw rate of this size, all to one side or in turn to both.
+    fn driven(yaw_rate: f64, to_both: bool) -> ReplayDrive {
+        let time: Vec<f64> = (0..2000).map(|row| 0.02 * row as f64).collect();
+        let side = |time: &f64| if to_both { (0.5 * std::f64::consts::PI * time).sin() } else { 1.0 };
+        let sides: Vec<f64> = time.iter().map(side).collect();
+        let columns = [
+            ("vx", vec![15.0; 2000]),
+            ("yaw_rate", sides.iter().map(|side| yaw_rate * side).collect()),
+            ("steer_cmd", sides.iter().map(|side| 0.03 * side).collect()),
+        ];
+        let valid = vec![true; time.len()];
+        let columns = columns.into();
+        let log = CleanLog { step: 0.02, time, columns, commanded: true, valid, findings: Vec::new() };
+        ReplayDrive::new(&log, false)
+    }
+
+    #[test]
+    fn what_a_log_excites_is_said_in_numbers() {
+        let car = builtin("c_class").unwrap();
+        let round = Excitation::of(&driven(0.2, false), &car);
+        assert!(round.turns_about);
+        assert!((round.grip - 15.0 * 0.2 / (car.friction() * GRAVITY)).abs() < 1e-6, "{round:?}");
+        assert_eq!(round.speed, (15.0, 15.0));
+        assert!(round.steer < 1e-12 && round.steer_rate < 1e-12, "{round:?}");
+        // A weave of four seconds turns by little: 0.2 rad/s times 4 s / pi.
+        let weave = Excitation::of(&driven(0.2, true), &car);
+        assert!(!weave.turns_about);
+        assert!((weave.steer / (0.03 / 2.0_f64.sqrt()) - 1.0).abs() < 0.01, "{weave:?}");
+        assert!((weave.steer_rate / (0.03 * 0.5 * std::f64::consts::PI) - 1.0).abs() < 0.01, "{weave:?}");
+    }
+
+    #[test]
+    fn a_number_has_two_figures() {
+        for (value, expected) in
+            [(0.0123, "0.012"), (-0.0123, "-0.012"), (1.26, "1.3"), (9.99, "10"), (123.4, "123"), (0.0, "0")]
+        {
+            assert_eq!(short(value), expected, "{value}");
+        }
+        assert_eq!(short(f64::INFINITY), "inf");
     }
 }

@@ -356,3 +356,56 @@ fn forms<V: ReplayVehicle>(
 pub fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::replay::neutral;
+    use super::super::simulated::{Conditions, drive};
+    use super::*;
+    use crate::vehicle::builtin;
+
+    #[test]
+    fn a_slope_is_the_gap_s_change_over_the_step_and_none_without_a_vehicle() {
+        let there = vec![0.5, 4.0];
+        assert_eq!(slope(&[1.0, 3.0], Some(&there), 0.5), [1.0, -2.0]);
+        assert_eq!(slope(&[1.0, 3.0], Some(&there), -0.5), [-1.0, 2.0]);
+        assert_eq!(slope(&[1.0, 3.0], None, 0.5), [0.0, 0.0]);
+        assert_eq!((rms(&[3.0, -4.0]), rms(&[])), (12.5_f64.sqrt(), 0.0));
+    }
+
+    #[test]
+    fn a_gap_is_the_log_less_the_replay_and_its_slopes_are_kept() {
+        let car = builtin("c_class").unwrap();
+        let conditions = Conditions { seed: 5, duration: 8.0, step: 0.02, ..Conditions::default() };
+        let log = drive(&car, &TruckEffects::default(), &conditions).unwrap();
+        let drive = ReplayDrive::new(&log, false);
+        let correction = neutral(&drive, &car).unwrap();
+        let problem = Problem::new(&drive, &car, &correction, Library::default(), 1);
+        let neutral = vec![0.0; problem.uncertain.len()];
+        let gap = problem.residual(&neutral).unwrap();
+        assert_eq!(problem.blocks.last().unwrap().1.end, gap.len());
+        // A bias of a sensor moves its own channel by as much, and nothing else.
+        let bias = problem.find("yaw_rate_bias").unwrap();
+        let biased = problem.slope(&neutral, &gap, bias);
+        for (channel, block) in &problem.blocks {
+            let wanted = if channel.name() == "yaw_rate" { problem.uncertain[bias].unit } else { 0.0 };
+            let far = biased[block.clone()].iter().map(|slope| (slope - wanted).abs()).fold(0.0, f64::max);
+            assert!(far < 1e-9, "{}: {far}", channel.name());
+        }
+        // At its upper end a parameter is varied downwards, and stays in its range.
+        for (i, uncertain) in problem.uncertain.iter().enumerate().filter(|(_, it)| it.greatest.is_finite()) {
+            let mut end = neutral.clone();
+            end[i] = uncertain.greatest;
+            let (there, size) = problem.aside(&end, i);
+            assert!(size < 0.0 && there[i] < uncertain.greatest, "{}", uncertain.id);
+        }
+        // Slopes nearby are those taken before; farther on they are new.
+        let slopes = problem.slopes(&neutral, &gap);
+        let (mut near, mut far) = (neutral.clone(), neutral.clone());
+        near[bias] += 0.5 * NEAR * problem.uncertain[bias].stride();
+        far[bias] += 2.0 * NEAR * problem.uncertain[bias].stride();
+        assert!(problem.is_near(&near, &neutral) && !problem.is_near(&far, &neutral));
+        assert!(Arc::ptr_eq(&slopes[bias], &problem.slopes(&near, &gap)[bias]));
+        assert!(!Arc::ptr_eq(&slopes[bias], &problem.slopes(&far, &gap)[bias]));
+    }
+}
