@@ -55,8 +55,9 @@ def test_probabilities_of_changes_are_those_of_dense_gaussians(fleet):
         all, np.einsum("drs,drt->dst", slopes, slopes), np.einsum("drs,dr->ds", slopes, seen)
     )  # fmt: skip
     nothing = np.zeros((size, size))
+    none = np.zeros(size)
     spread = fleet.hierarchy.Spread(
-        np.array([True, True, False]), np.zeros(size), nothing, between_vehicles, between_drives
+        np.array([True, True, False]), none, nothing, between_vehicles, between_drives, none, nothing
     )
     found = fleet.changes.Vehicle(drives, spread)._next(count, [])
     change, nothing_more = found[0], found[3]
@@ -91,14 +92,15 @@ def test_probabilities_of_changes_are_those_of_dense_gaussians(fleet):
     assert change.probability == pytest.approx(sum(of), rel=1e-6)
 
 
-def drawn(fleet, rng, vehicles, drives, *, of=None, common=None, change=None):
-    """A fleet from the model: four parameters with tolerances, one without; ``of``: shares; ``change`` puts one in."""
+def drawn(fleet, rng, vehicles, drives, *, of=None, common=None, change=None, levels=None):
+    """A fleet from the model: four parameters with tolerances, one without; ``of``: shares; ``change`` puts one in.
+    Vehicles have ``levels``, or are drawn."""
     all = parameters(fleet, [1.0, 1.0, 1.0, 1.0, 0.0], [4.0, 4.0, 0.0, 4.0, 4.0])
     between_vehicles, between_drives = of
     mean = np.array([0.4, -0.6, 0.8, 0.0, 0.0]) if common is None else common
     precision, shift, number = [], [], []
     for vehicle in range(vehicles):
-        own = mean + rng.normal(size=5) * np.sqrt(between_vehicles)
+        own = mean + (rng.normal(size=5) * np.sqrt(between_vehicles) if levels is None else levels[vehicle])
         for drive in range(drives):
             slopes = rng.normal(size=(12, 5))
             theta = own + rng.normal(size=5) * np.sqrt(between_drives)
@@ -125,8 +127,8 @@ def reduced(fleet, drives, number):
     """As the command does it, from summaries."""
     triangle = np.tril_indices(len(drives.parameters))
     rows = [
-        {"name": it.name, "given": 0.0, "unit": "1", "tolerance": it.tolerance, "change": it.change, "value": 0.0}
-        | {"least": it.least}
+        {"name": it.name, "given": it.given, "unit": it.unit, "tolerance": it.tolerance, "change": it.change}
+        | {"value": 0.0, "least": it.least, "greatest": it.greatest, "goes_with": it.goes_with}
         for it in drives.parameters
     ]  # fmt: skip
     size = np.array([it.scale for it in drives.parameters])
@@ -218,6 +220,99 @@ def test_what_lies_outside_an_effect_s_range_is_not_named(fleet):
     state = reduced(fleet, replace(drives, parameters=bounded), number)
     found = [it for one in state.vehicles for it in one.changes]
     assert not state.common and not [it for it in found if it.effect == "e1" and not it.passing]
+    assert not any(any(one.said) for one in state.vehicles)
+
+
+def test_of_what_all_share_any_number_of_drives_tells_as_much_as_one(fleet):
+    """The likelihoods of a type against dense Gaussians: with an error that all repeat, and without."""
+    rng = np.random.default_rng(29)
+    shares = (np.array([0.3, 0.3, 0.3, 0.3, 0.0]), np.array([0.2, 0.2, 0.2, 0.2, 0.0]))
+    drives, number = drawn(fleet, rng, 3, 4, of=shares)
+    usual = fleet.hierarchy.ordinary(drives.parameters)
+    seen, true = fleet.hierarchy.type_likelihoods(drives, number, usual)
+    own = [np.linalg.inv(np.linalg.inv(of) + np.diag(usual.between_drives)) for of in drives.precision]
+    cover = np.linalg.inv(sum(
+        np.linalg.inv(np.linalg.inv(sum(own[4 * v : 4 * v + 4])) + np.diag(usual.between_vehicles)) for v in range(3)
+    ))  # fmt: skip
+    assert np.allclose(np.linalg.inv(seen.precision[0]), cover, rtol=1e-4)
+    repeated = np.linalg.inv(sum(own) / 12)
+    assert np.allclose(np.linalg.inv(true.precision[0]), cover + repeated, rtol=1e-4)
+    mean = [np.linalg.solve(of.precision[0], of.shift[0]) for of in (seen, true)]
+    assert np.allclose(*mean, atol=1e-4)
+
+
+SHARES = (np.array([0.3, 0.2, 0.4, 0.3, 0.0]), np.array([0.2, 0.3, 0.1, 0.2, 0.0]))
+
+
+def test_over_many_fleets_intervals_hold_alarms_are_few_and_changes_are_named_in_time(fleet):
+    """Drawn from the model, with an error that all drives of a type repeat: an average drive has the precision 12."""
+    vehicles, drives = 8, 10
+    held, of_type, in_time, alarms = [], [], [], 0
+    fleets = 25
+    for trial in range(fleets):
+        rng = np.random.default_rng([31, trial])
+        type_of, repeated = (np.append(rng.normal(size=4), 0.0) * share**0.5 for share in (1.0 / 3.0, 1.0 / 12.0))
+        levels = rng.normal(size=(vehicles, 5)) * np.sqrt(SHARES[0])
+        changed = {
+            int(vehicle): (int(rng.choice([0, 1, 3, 4])), int(rng.integers(2, drives - 3)), 4.0 * rng.choice([-1, 1]))
+            for vehicle in rng.choice(vehicles, 2, replace=False)
+        }
+
+        def change(vehicle, drive, changed=changed):
+            place, since, size = changed.get(vehicle, (0, drives, 0.0))
+            return np.eye(5)[place] * size * (drive >= since)
+
+        of = drawn(fleet, rng, vehicles, drives, of=SHARES, common=type_of + repeated, change=change, levels=levels)
+        state = reduced(fleet, *of)
+        assert not state.common
+        deviation = np.sqrt(np.diag(state.spread.true_covariance)[:4])
+        of_type += list(np.abs(state.spread.true_mean - type_of)[:4] < 1.96 * deviation)
+        for one in state.vehicles:
+            place, since, size = changed.get(int(one.vehicle), (None, drives, 0.0))
+            for it, said in zip(one.changes, one.said):
+                if said and not it.passing:
+                    if it.effect == f"e{place}" and it.earliest <= since <= it.latest:
+                        # A parameter without a tolerance is scaled by the size of what is named.
+                        value = (type_of + levels[int(one.vehicle)])[place] + size
+                        held.append(it.low <= value * state.parameters[place].scale <= it.high)
+                    else:
+                        alarms += 1
+            if place is not None:
+                own = fleet.changes.Vehicle(of[0].take(of[1] == int(one.vehicle)), state.spread, state.rate)
+                found = own.changes(since + 3).changes
+                in_time.append(any(it.effect == f"e{place}" and it.probability > 0.9 for it in found))
+    assert min(np.mean(held), np.mean(of_type)) > 0.9
+    assert np.mean(in_time) > 0.9
+    assert alarms <= 1e-3 * fleets * vehicles * drives
+
+
+def lighter(fleet, rng, kilograms, vehicles=6, drives=8):
+    """Sisters whose mass is not the file's; a load has a place, which shifts the response as the CG does."""
+    file = fleet.summary.parameters_of([{"parameters": [
+        {"name": "effect.payload", "given": 0.0, "unit": "kg", "tolerance": 0.0, "change": 350.0, "least": 0.0},
+        {"name": "effect.payload_x", "given": 0.0, "unit": "m", "change": 0.8, "goes_with": "effect.payload"},
+        {"name": "effect.cg_shift", "given": 0.0, "unit": "m", "tolerance": 0.02, "change": 0.25},
+        {"name": "vehicle.mass", "given": 1400.0, "unit": "kg", "tolerance": 42.0},
+    ]}])  # fmt: skip
+    precision, shift = [], []
+    for _ in range(vehicles * drives):
+        slopes = rng.normal(size=(12, 4))
+        slopes[:, 0] = slopes[:, 3] * 350.0 / 42.0  # a load is a mass
+        off = np.array([0.0, 0.0, 3.0, kilograms / 42.0]) + rng.normal(size=4) * [0.0, 0.0, 0.5, 0.4]
+        precision.append(slopes.T @ slopes)
+        shift.append(slopes.T @ (slopes @ off + rng.normal(size=12)))
+    number = np.repeat(np.arange(vehicles), drives)
+    return fleet.summary.Drives(file, np.array(precision), np.array(shift)), number
+
+
+@pytest.mark.parametrize(("kilograms", "effect"), [(-330.0, "vehicle.mass"), (330.0, "payload"), (-20.0, None)])
+def test_sisters_lighter_than_their_file_have_a_wrong_mass_and_no_load_below_none(fleet, kilograms, effect):
+    state = reduced(fleet, *lighter(fleet, np.random.default_rng(37), kilograms))
+    assert [one.effect for one in state.common] == ([effect] if effect else [])
+    if effect:
+        given = 1400.0 if effect == "vehicle.mass" else 0.0
+        assert state.common[0].value == pytest.approx(given + kilograms, abs=100.0)
+        assert state.unit(effect) == "kg"
     assert not any(any(one.said) for one in state.vehicles)
 
 

@@ -135,7 +135,8 @@ class Vehicle:
         self.shift = shift - self.precision @ spread.mean
         variance = np.diag(spread.between_vehicles) + spread.covariance
         self.free = np.flatnonzero(np.diag(variance) > 0.0)
-        self.mean = spread.mean
+        # Vehicles are compared about ``mu``; a value is said with what the type's error may be.
+        self.mean, self.of_type = spread.true_mean, spread.true_covariance
         self.prior = np.linalg.inv(variance[np.ix_(self.free, self.free)])
 
     def changes(self, count: int | None = None) -> Found:
@@ -148,10 +149,10 @@ class Vehicle:
             if change is None or change.probability < TAKEN or len(taken) == MOST:
                 # Earlier ones are worth what they are beside the later ones.
                 taken = [replace(it, **self._values(count, known, place)) for place, it in enumerate(taken)]
-                return Found(taken, change, nothing, *self._last(count, known), known)
+                return Found(taken, change, nothing, *self.last(known, count), known)
             taken.append(change)
             known.append((mask, kind))
-        return Found([], None, 1.0, *self._last(count, known), known)
+        return Found([], None, 1.0, *self.last(known, count), known)
 
     def by_drive(self, effect: str, known: Known = ()) -> tuple[np.ndarray, np.ndarray]:
         """Value of an effect by each drive alone, all else as the vehicle is known, and its standard deviation."""
@@ -173,11 +174,12 @@ class Vehicle:
         later = [not mask[0] for mask, kind in known for _ in kind.places]
         return added @ np.where(later, mean[q:], 0.0), added @ mean[q:]
 
-    def _last(self, count: int, known: Known) -> tuple[np.ndarray, np.ndarray]:
+    def last(self, known: Known, count: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Parameters after the last drive, scaled differences, and their covariance."""
+        count = len(self.shift) if count is None else count
         covariance, mean, _ = self._state(count, known)
         add = self._added(count, known)[-1]
-        return self.mean + add @ mean, add @ covariance @ add.T
+        return self.mean + add @ mean, self.of_type + add @ covariance @ add.T
 
     def _added(self, count: int, known: Known, before: bool = False) -> np.ndarray:
         """``T_d``: what the state (``u``, then the changes) adds to the parameters on each drive, or just before it."""
@@ -273,8 +275,14 @@ class Vehicle:
         before = self.mean[place] + self._levels(count, known, mean)[k, place]
         own = self._added(count, known)[k, place]
         after = self.mean[place] + own @ mean
-        deviation = math.hypot(math.sqrt(max(own @ covariance @ own, 0.0)), FORM * (after - before))
-        ends = [parameter.value(after + side * 1.96 * deviation) for side in (-1.0, 1.0)]
+        known_to = max(own @ covariance @ own + self.of_type[place, place], 0.0)
+        deviation = math.hypot(math.sqrt(known_to), FORM * (after - before))
+        # Within the effect's range, if the value is.
+        least, greatest = (
+            min(parameter.least / parameter.scale, after),
+            max(parameter.greatest / parameter.scale, after),
+        )
+        ends = [parameter.value(np.clip(after + side * 1.96 * deviation, least, greatest)) for side in (-1.0, 1.0)]
         return {
             "value": parameter.value(after), "low": min(ends), "high": max(ends), "before": parameter.value(before),
         }  # fmt: skip
@@ -295,7 +303,11 @@ class Vehicle:
             return _log_share((least - mean) / deviation, (greatest - mean) / deviation)
 
         # Noise may leave a level a little outside; a change begins within.
-        return share(base + found, deviation) - share(np.clip(base, least, greatest), size * kind.deviations[0])
+        found_share = share(base + found, deviation) - share(np.clip(base, least, greatest), size * kind.deviations[0])
+        if len(kind.places) == 1:
+            return found_share
+        # What goes along is nothing without the effect itself: no load shifts the CG by being less than none.
+        return np.where((base + found >= least) & (base + found <= greatest), found_share, -np.inf)
 
 
 def _log_share(low: np.ndarray, high: np.ndarray) -> np.ndarray:

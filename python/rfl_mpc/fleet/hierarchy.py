@@ -12,6 +12,13 @@ fleet keeps what ordinary tolerances say. Marginalising ``w_d`` leaves a drive's
 
 and the same step once more, over ``u_v``, that of ``mu``.
 
+More drives do not make a model's form less wrong: the error that it leaves on one drive, it leaves on the others as
+well. So ``mu`` is what the drives of a type scatter about, and no more: its true value is ``mu - b`` with an error
+``b ~ N(0, B)`` that all of them repeat. How large it is does not show in their scatter. A summary's own covariance is
+the measure of what one log can tell: ``B`` is that of the type's average drive, so that of what all share, any number
+of drives tells as much as one of them. Vehicles and drives are compared about ``mu``, where ``b`` cancels; of the type
+itself, and of absolute values, ``mu - b`` is said.
+
 Source: Efron and Morris, J. Am. Stat. Assoc. 70 (1975); Dempster, Laird and Rubin, J. R. Stat. Soc. B 39 (1977).
 """
 
@@ -32,6 +39,8 @@ SHARES = (1.0 / 3.0, 1.0 / 3.0)
 SHARES_OF_ENVIRONMENT = (0.02, 1.0)
 LEAST = 1e-6
 """Least variance, in units of the tolerance's."""
+NOTHING = 1e-6
+"""Precision that is as good as none."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +57,10 @@ class Spread:
     """Variances ``U``."""
     between_drives: np.ndarray
     """Variances ``W``."""
+    true_mean: np.ndarray
+    """``mu - b``: what is left of ``mu`` where an error may be repeated on each drive."""
+    true_covariance: np.ndarray
+    """Of ``mu - b``."""
 
 
 def covariance_of(precision: np.ndarray, variance: np.ndarray) -> np.ndarray:
@@ -68,7 +81,8 @@ def ordinary(parameters: tuple[Parameter, ...]) -> Spread:
     """What is believed of a type before anything is seen."""
     free = np.array([parameter.tolerance > 0.0 for parameter in parameters])
     shares = np.array([SHARES_OF_ENVIRONMENT if it.name in ENVIRONMENT else SHARES for it in parameters])
-    return Spread(free, np.zeros(len(free)), np.diag(free.astype(float)), free * shares.T[0], free * shares.T[1])
+    mean, covariance = np.zeros(len(free)), np.diag(free.astype(float))
+    return Spread(free, mean, covariance, free * shares.T[0], free * shares.T[1], mean, covariance)
 
 
 def spread(drives: Drives, vehicle: np.ndarray, rounds: int = ROUNDS) -> Spread:
@@ -92,15 +106,21 @@ def spread(drives: Drives, vehicle: np.ndarray, rounds: int = ROUNDS) -> Spread:
         seen = np.sum(off**2 + np.einsum("dii->di", own) + more, axis=0)
         new_drives = (WEIGHT * prior_drives + seen) / (WEIGHT + len(drives))
         of_vehicles, of_drives = np.maximum(new_vehicles, LEAST * free), np.maximum(new_drives, LEAST * free)
-    return Spread(free, mean, covariance, of_vehicles, of_drives)
+    return Spread(free, mean, covariance, of_vehicles, of_drives, mean, covariance)
 
 
-def type_likelihood(drives: Drives, vehicle: np.ndarray, of: Spread) -> tuple[np.ndarray, np.ndarray]:
-    """Likelihood of ``mu``: precision, and precision times mean."""
+def type_likelihoods(drives: Drives, vehicle: np.ndarray, of: Spread) -> tuple[Drives, Drives]:
+    """Likelihoods of ``mu`` and of ``mu - b``, each as that of a single drive."""
     count = int(vehicle.max()) + 1
     total, pulled = _of_vehicles(drives, vehicle, count, of.between_drives)
     each, pull = without(total, pulled, of.between_vehicles)
-    return each.sum(axis=0), pull.sum(axis=0)
+    seen, pull = each.sum(axis=0), pull.sum(axis=0)
+    # (seen^-1 + one^-1)^-1, where a direction may be one that neither tells of.
+    one = total.sum(axis=0) / len(drives)
+    share = np.linalg.solve(seen + one + NOTHING * np.eye(len(one)), np.column_stack([seen, pull]))
+    both = one @ share[:, :-1]
+    true = Drives(drives.parameters, 0.5 * (both + both.T)[None], (one @ share[:, -1])[None])
+    return Drives(drives.parameters, seen[None], pull[None]), true
 
 
 def _of_vehicles(drives: Drives, vehicle: np.ndarray, count: int, of_drives: np.ndarray):

@@ -16,6 +16,7 @@ import numpy as np
 
 from rfl_mpc.fleet.changes import Change
 from rfl_mpc.fleet.reduce import TypeState, VehicleState
+from rfl_mpc.fleet.summary import MASSES
 
 STYLE = """
 :root { color-scheme: light dark; --line: color-mix(in srgb, currentColor 18%, transparent); --hit: #d9480f; }
@@ -84,6 +85,16 @@ def words(change: Change, unit: str, labels: Sequence[str]) -> str:
         f"{change.effect} {number(change.before)} → {number(change.value)}{unit} "
         f"({number(change.low)} to {number(change.high)}) {place}"
     )
+
+
+def shared(of: TypeState, one: Change) -> str:
+    """What all vehicles of a type share, in one line."""
+    parameter = of.parameter(one.effect)
+    unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+    text = f"{one.effect} {number(one.value)}{unit} ({number(one.low)} to {number(one.high)})"
+    if one.effect in MASSES:
+        text += f": the vehicle file's {number(parameter.given)}{unit} are too many"
+    return f"{text}, probability {one.probability:.2f}"
 
 
 def spark(history: History | None, change: Change | None) -> str:
@@ -191,9 +202,14 @@ def page(
   row.hidden = !row.textContent.toLowerCase().includes(this.value.toLowerCase())"></p>
 <div class=wide><table id=fleet><thead><tr><th>vehicle<th>type<th class=number>drives<th>what changed
 <th class=number>probability<th>by drive</tr></thead><tbody>{"".join(rows)}</tbody></table></div>{more}
-<h2>Types</h2>{"".join(_type(of) for of in types)}
+<h2>Types</h2>
+<p>What all vehicles of a type share is an error of their vehicle file, or something that all of them have; it is no
+change. What the simulator simplifies is wrong in the same way on every drive, so that many drives tell hardly more of a
+type than one does. The intervals (95 %) of all values allow for that; the step of a change is known better.</p>
+{"".join(_type(of) for of in types)}
 <h2>Histories</h2>
-<p>Each point is what one drive alone says, with a 95 % interval; the line is what all drives of the vehicle say.</p>
+<p>Each point is what one drive alone says, with a 95 % interval for comparing drives; the line is what all drives of
+the vehicle say.</p>
 {"".join(sections)}
 {failed}
 <p class=dim>rfl fleet {html.escape(version)}; verdicts.parquet has a row a drive, vehicles.parquet a row a change.</p>
@@ -207,14 +223,10 @@ def _short(type: str) -> str:
 
 def _type(of: TypeState) -> str:
     """A type: what all its vehicles share, and how far they and their drives differ."""
-    common = "; ".join(
-        f"<span class=hit>{html.escape(one.effect)} {number(one.value)} {html.escape(of.unit(one.effect))}</span> "
-        f"({number(one.low)} to {number(one.high)}), probability {one.probability:.2f}"
-        for one in of.common
-    )
-    deviation = np.sqrt(np.maximum(np.diag(of.spread.covariance), 0.0))
+    common = "; ".join(f"<span class=hit>{html.escape(shared(of, one))}</span>" for one in of.common)
+    deviation = np.sqrt(np.maximum(np.diag(of.spread.true_covariance), 0.0))
     off = ", ".join(
-        f"{html.escape(of.parameters[i].name)} {number(of.parameters[i].value(of.spread.mean[i]))} ± "
+        f"{html.escape(of.parameters[i].name)} {number(of.parameters[i].value(of.spread.true_mean[i]))} ± "
         f"{number(1.96 * deviation[i] * of.parameters[i].scale)} (simulator {number(of.parameters[i].given)})"
         for i in of.differs
     )
@@ -225,7 +237,7 @@ def _type(of: TypeState) -> str:
         scale = it.tolerance
         rows.append(
             f"<tr><td>{html.escape(it.name)}</td><td class=number>{number(it.given)}</td>"
-            f"<td class=number>{number(it.value(of.spread.mean[i]))} ± {number(1.96 * deviation[i] * scale)}</td>"
+            f"<td class=number>{number(it.value(of.spread.true_mean[i]))} ± {number(1.96 * deviation[i] * scale)}</td>"
             f"<td class=number>{number(scale * of.spread.between_vehicles[i] ** 0.5)}</td>"
             f"<td class=number>{number(scale * of.spread.between_drives[i] ** 0.5)}</td>"
             f"<td class=number>{number(scale)}</td><td>{html.escape(it.unit)}</td></tr>"
@@ -236,7 +248,7 @@ def _type(of: TypeState) -> str:
         + (f"<p>Surely not as the simulator has it: {off}.</p>" if off else "")
         + "<details><summary>Parameters</summary><div class=wide><table>"
         "<tr><th>parameter<th class=number>simulator"
-        "<th class=number>fleet<th class=number>between vehicles<th class=number>between drives"
+        "<th class=number>fleet, ± 95 %<th class=number>between vehicles<th class=number>between drives"
         "<th class=number>tolerance<th>unit</tr>" + "".join(rows) + "</table></div></details></section>"
     )
 

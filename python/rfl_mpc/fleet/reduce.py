@@ -22,7 +22,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from rfl_mpc.fleet.changes import RATE, Change, Vehicle, rate_of
-from rfl_mpc.fleet.hierarchy import Spread, ordinary, spread, type_likelihood
+from rfl_mpc.fleet.hierarchy import Spread, ordinary, spread, type_likelihoods
 from rfl_mpc.fleet.summary import Drives, Parameter, drives_of, parameters_of
 
 SAMPLE = 2000
@@ -68,9 +68,13 @@ class TypeState:
     vehicles: list[VehicleState]
     drives: int
 
+    def parameter(self, effect: str) -> Parameter:
+        """The parameter that an effect is."""
+        return next(it for it in self.parameters if it.effect == effect)
+
     def unit(self, effect: str) -> str:
         """Symbol of an effect's unit."""
-        return next(it.unit for it in self.parameters if it.effect == effect)
+        return self.parameter(effect).unit
 
 
 def reduce_type(
@@ -141,9 +145,9 @@ def _without_changes(drives: Drives, number: np.ndarray, of: Spread, rate: float
 
 def _differs(parameters: tuple[Parameter, ...], of: Spread) -> list[int]:
     """Parameters whose mean is not the simulator's: all intervals together hold with 95 % (Bonferroni)."""
-    deviation = np.sqrt(np.maximum(np.diag(of.covariance), 1e-300))
+    variance = np.diag(of.true_covariance)
     surely = -ndtri(0.5 * 0.05 / max(len(parameters), 1))
-    z = np.where(np.diag(of.covariance) > 0.0, np.abs(of.mean) / deviation, 0.0)
+    z = np.where(variance > 0.0, np.abs(of.true_mean) / np.sqrt(np.maximum(variance, 1e-300)), 0.0)
     return [int(place) for place in np.argsort(-z, kind="stable") if z[place] > surely]
 
 
@@ -182,14 +186,16 @@ def _common(
     drives: Drives, number: np.ndarray, of: Spread, refused: frozenset[str]
 ) -> tuple[Spread, list[Change], np.ndarray]:
     """Effects that all vehicles of a type have, the spread about them, and what they add to the parameters."""
-    precision, shift = type_likelihood(drives, number, of)
+    seen, true = type_likelihoods(drives, number, of)
     usual = of.free.astype(float)
-    nothing = np.zeros_like(usual)
-    about = Spread(of.free, nothing, np.zeros((len(usual), len(usual))), usual, nothing)
-    sisters = Vehicle(Drives(drives.parameters, precision[None], shift[None]), about, without=refused)
+    nothing, none = np.zeros_like(usual), np.zeros((len(usual), len(usual)))
+    about = Spread(of.free, nothing, none, usual, nothing, nothing, none)
+    sisters = Vehicle(true, about, without=refused)
     found = sisters.changes()
-    learned = Spread(of.free, found.mean, found.covariance, of.between_vehicles, of.between_drives)
-    return learned, found.changes, sisters.offsets(found.known)[1][0]
+    center = Vehicle(seen, about)
+    mean, covariance = center.last(found.known)
+    learned = replace(of, mean=mean, covariance=covariance, true_mean=found.mean, true_covariance=found.covariance)
+    return learned, found.changes, center.offsets(found.known)[1][0]
 
 
 def say(types: Iterable[TypeState], false: float = FALSE) -> None:

@@ -398,10 +398,9 @@ def _changes(types: Sequence[TypeState], labels) -> Iterator[dict[str, Any]]:
 def _parameters(types: Sequence[TypeState]) -> Iterator[dict[str, Any]]:
     """Rows of ``types.parquet``: each parameter of a type, and of each of its vehicles after its last drive."""
     for of in types:
-        deviation = np.sqrt(np.maximum(np.diag(of.spread.covariance), 0.0))
-        for vehicle, mean, spread in (
-            (None, of.spread.mean, deviation), *((state.vehicle, state.mean, state.deviation) for state in of.vehicles)
-        ):  # fmt: skip
+        deviation = np.sqrt(np.maximum(np.diag(of.spread.true_covariance), 0.0))
+        states = ((state.vehicle, state.mean, state.deviation) for state in of.vehicles)
+        for vehicle, mean, spread in ((None, of.spread.true_mean, deviation), *states):
             for i, it in enumerate(of.parameters):
                 ends = [it.value(mean[i] + side * 1.96 * spread[i]) for side in (-1.0, 1.0)]
                 yield {
@@ -416,11 +415,7 @@ def _words(types, changed, counts, errors, labels, folder: Path) -> str:
     lines = []
     for of in types:
         for one in of.common:
-            unit = of.unit(one.effect)
-            lines.append(
-                f"all vehicles of {of.type}: {one.effect} {page.number(one.value)}{'' if unit == '1' else ' ' + unit} "
-                f"({page.number(one.low)} to {page.number(one.high)}), probability {one.probability:.2f}"
-            )
+            lines.append(f"all vehicles of {of.type}: {page.shared(of, one)}")
     for state in changed[:20]:
         of = next(one for one in types if one.type == state.type)
         for one in page.said_changes(state):

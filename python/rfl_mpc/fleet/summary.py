@@ -13,13 +13,17 @@ by their tolerance (without one by the size of what is named): numbers of order 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 ENVIRONMENT = frozenset(f"effect.{name}" for name in ("wind_x", "wind_y", "road_bank", "road_grade", "road_friction"))
 """What belongs to the day and the road: it differs from drive to drive, and is no change of a vehicle."""
+
+
+MASSES = {"vehicle.mass": "effect.payload", "tractor.mass": "effect.payload", "trailer.mass": "effect.trailer_payload"}
+"""Masses of a vehicle file, and what loads them. A load is not below zero: in a lighter vehicle the mass is wrong."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,7 @@ class Parameter:
 
     @property
     def effect(self) -> str | None:
-        """The effect that it is, if it can be named alone."""
+        """Name of the effect, or of the file's number, that it is, if it can be named alone."""
         can = self.change > 0.0 and self.goes_with is None and self.name not in ENVIRONMENT
         return self.name.removeprefix("effect.") if can else None
 
@@ -84,8 +88,8 @@ def parameters_of(summaries: Iterable[Mapping[str, Any]]) -> tuple[Parameter, ..
         values = (one.get(key) for one in of)
         return float(np.median([default if value is None else value for value in values]))
 
-    return tuple(
-        Parameter(
+    all = {
+        name: Parameter(
             name,
             median(of, "given", 0.0),
             of[0]["unit"],
@@ -97,7 +101,11 @@ def parameters_of(summaries: Iterable[Mapping[str, Any]]) -> tuple[Parameter, ..
             of[0].get("goes_with"),
         )
         for name, of in found.items()
-    )
+    }
+    for mass, load in MASSES.items():
+        if mass in all and load in all:
+            all[mass] = replace(all[mass], change=all[load].change, least=-all[mass].given, greatest=0.0)
+    return tuple(all.values())
 
 
 def drives_of(summaries: Sequence[Mapping[str, Any]], parameters: tuple[Parameter, ...] | None = None) -> Drives:
