@@ -19,7 +19,7 @@ STATUS = {COMPLETED: 0, STOPPED: 3, LOST: 4, TIMED_OUT: 5}  # exit status
 NOT_MET = 6  # exit status of a requirement that is not met
 STATUSES = (
     "exit status: 0 completed, or on the road when the --duration given was over; 1 bad input; 2 wrong usage; "
-    "3 stopped; 4 lost; 5 timed out; 6 a requirement is not met"
+    "3 stopped; 4 lost; 5 timed out; 6 a requirement is not met; an outcome that --require outcome=... asks for is 0"
 )
 
 LANE = 2.0  # m of lateral error beyond which a vehicle has left its lane
@@ -50,6 +50,7 @@ class Ending:
     reason: str
     place: Place | None = None
     departure: Place | None = None
+    entered_late: Place | None = None  # where it came into its lane, beside which it began
     length: float = math.nan  # m, of the road
     driven: float = math.nan  # m, along it
 
@@ -64,6 +65,8 @@ class Referee:
     departure: Place | None = None
     driven: float = 0.0
     entered: bool = False
+    began: Place | None = None  # first place of a vehicle that began beside its lane
+    entered_late: Place | None = None  # and where it came in
     standing: float | None = None
 
     def see(self, place: Place, speed: float) -> None:
@@ -79,8 +82,12 @@ class Referee:
         self.place = place
         inside = abs(place.lateral_error) <= self.lane and abs(place.heading_error) <= TURNED
         if inside:
+            if not self.entered and self.began:
+                self.entered_late = place
             self.entered = True
-        elif self.entered and self.departure is None:
+        elif not self.entered:
+            self.began = self.began or place
+        elif self.departure is None:
             self.departure = place
         if abs(speed) >= STANDING_SPEED:
             self.standing = None
@@ -101,21 +108,27 @@ class Referee:
         """The ending of a drive that came to this end; one that left its lane is lost."""
         departure = self.departure or (None if self.entered else self.place)
         if departure is not None:
-            beyond = abs(departure.lateral_error) > self.lane
-            side = "left" if departure.lateral_error > 0 else "right"
-            left = (
-                f"{abs(departure.lateral_error):.2f} m {side} of its path, beyond the lane's {self.lane:g} m"
-                if beyond
-                else f"turned by {abs(departure.heading_error):.2f} rad from its path, beyond {TURNED:g} rad"
-            )
             where = f"at {departure.time:.2f} s and station {departure.station:.0f} m"
-            outcome, reason = LOST, f"the vehicle was {left}, {where}; later {reason}"
-        return Ending(outcome, reason, self.place, departure, self.length, self.driven)
+            outcome, reason = LOST, f"the vehicle was {self._beside(departure)}, {where}; later {reason}"
+        if self.entered_late is not None:
+            reason += (
+                f"; it began {self._beside(self.began)}, and was in its lane from {self.entered_late.time:.2f} s on"
+            )
+        return Ending(outcome, reason, self.place, departure, self.entered_late, self.length, self.driven)
+
+    def _beside(self, at: Place) -> str:
+        if abs(at.lateral_error) > self.lane:
+            side = "left" if at.lateral_error > 0 else "right"
+            return f"{abs(at.lateral_error):.2f} m {side} of its path, beyond the lane's {self.lane:g} m"
+        return f"turned by {abs(at.heading_error):.2f} rad from its path, beyond {TURNED:g} rad"
 
 
-def exit_status(outcome: str, cut: bool, met: bool = True) -> int:
-    """The exit status of an outcome; `cut`: the user chose the duration, `met`: all requirements are met."""
-    if outcome == TIMED_OUT and cut:
+def exit_status(outcome: str, cut: bool, met: bool = True, asked: bool = False) -> int:
+    """The exit status of an outcome.
+
+    `cut`: the user chose the duration, `met`: all requirements are met, `asked`: one of them asks for this outcome.
+    """
+    if asked or (outcome == TIMED_OUT and cut):
         outcome = COMPLETED
     return STATUS[outcome] or (0 if met else NOT_MET)
 
@@ -208,6 +221,10 @@ class Requirement:
             raise ValueError(f"--require {self.text}: '{value}' is not a number")
         self.relation = (">=" if FIGURES[self.name][2] else "<=") if sign == "=" else sign
 
+    def asks_for(self, outcome: str) -> bool:
+        """Whether it asks for this outcome."""
+        return self.name == "outcome" and self.bound == outcome
+
     def check(self, results: dict) -> Check:
         """Checks the results of a drive."""
         if self.name == "outcome":
@@ -223,6 +240,30 @@ class Requirement:
 
 
 # -- Files ------------------------------------------------------------------------------------------------------------
+
+
+def check_files(written: dict[str, Path | None], read: dict[str, Path | str | None]) -> None:
+    """Checks the files that a command writes, by its options: none is another, nor one that it reads."""
+
+    def is_same(one: Path, other: Path | str) -> bool:
+        one, other = Path(one), Path(other)
+        if one.exists() and not one.is_file():
+            return False  # a pipe or a device may be written twice
+        if one.exists() and other.exists():
+            return one.samefile(other)
+        return one.resolve() == other.resolve()
+
+    before: list[tuple[str, Path]] = []
+    for option, file in written.items():
+        if file is None:
+            continue
+        for other, there in before:
+            if is_same(file, there):
+                raise ValueError(f"{other} and {option} are one file, {file}: name two")
+        for other, there in read.items():
+            if there is not None and Path(there).is_file() and is_same(file, there):
+                raise ValueError(f"{option} {file} is the file of {other}, and would be written over: name another")
+        before.append((option, file))
 
 
 def write_whole(file: Path, text: str) -> None:

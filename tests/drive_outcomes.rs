@@ -120,6 +120,87 @@ fn a_vehicle_that_stands_before_the_end_has_stopped() {
 }
 
 #[test]
+fn an_outcome_that_is_asked_for_is_no_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let stands = ["--set", "car.drive.max_force=0", "--require"];
+    for (asked, more, status, met) in [
+        ("outcome=stopped", "max_e1<=1", 0, [true; 3]),
+        ("outcome=stopped", "max_e1<=1e-9", 6, [true, true, false]),
+        ("outcome=completed", "max_e1<=1", 3, [false, false, true]),
+    ] {
+        let (found, said, json) = drive(folder.path(), &[&stands[..], &[asked, "--require", more]].concat());
+        assert_eq!((found, json["outcome"].as_str()), (Some(status), Some("stopped")), "{said}");
+        assert_eq!(json["exit_status"], status);
+        let cases = cases(&folder.path().join("out/drive.xml"));
+        assert_eq!(cases.iter().map(|(_, met)| *met).collect::<Vec<_>>(), met, "{asked}");
+    }
+    let (found, said, _) = drive(folder.path(), &["--require", "outcome=stopped"]);
+    assert_eq!(found, Some(6), "{said}");
+}
+
+#[test]
+fn a_start_beside_the_lane_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let road = "x,y\n".to_owned() + &(0..200).map(|k| format!("{k},0\n")).collect::<String>();
+    std::fs::write(folder.path().join("straight.csv"), road).unwrap();
+    let start = ["--path", "straight.csv", "--set", "initial.y=2.6", "--set", "initial.vx=4"];
+    let (_, said, json) = drive(folder.path(), &start);
+    assert_eq!(json["outcome"], "completed", "{said}");
+    assert!(
+        said.contains("it began 2.60 m left of its path, beyond the lane's 2 m, and was in its lane from"),
+        "{said}"
+    );
+    assert!(json["tracking"]["max"].as_f64().unwrap() >= 2.6, "{json}");
+    assert!(json["entered_lane"]["time"].as_f64().unwrap() > 0.0 && json["left_lane"].is_null(), "{json}");
+}
+
+#[test]
+fn times_out_of_range_are_refused_with_the_range() {
+    let folder = tempfile::tempdir().unwrap();
+    for (option, value, words) in [
+        ("--step", "1e-9", "--step 0.000000001: give a time between 0.001 and 0.2 s"),
+        ("--step", "0", "--step 0: give a time between 0.001 and 0.2 s"),
+        ("--step", "nan", "--step NaN: give a time"),
+        ("--step", "inf", "--step inf: give a time"),
+        ("--duration", "0", "--duration 0: give a time between 0.001 and 86400 s"),
+        ("--duration", "1e12", "and 86400 s"),
+        ("--lane", "-1", "--lane -1: give a width in m"),
+    ] {
+        let value = format!("{option}={value}");
+        let refusal = refused(&rfl(folder.path(), &["drive", "--quiet", "--path", &road(), &value]));
+        assert!(refusal.contains(words), "{refusal}");
+    }
+}
+
+#[test]
+fn files_that_are_one_are_refused_before_anything_is_driven() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows: String = (0..100).map(|k| format!("{k},0\n")).collect();
+    let road = format!("x,y\n{rows}");
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("road.csv"), &road).unwrap();
+    std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/vehicles/c_class.toml"), at("car.toml")).unwrap();
+    let drive = ["drive", "--quiet", "--path", "road.csv"];
+    for (more, words) in [
+        (&["--log", "x", "--json", "x"][..], "--log and --json are one file, x"),
+        (&["--log", "a/x", "--junit", "a/x"], "--log and --junit are one file"),
+        (&["--log", "road.csv"], "--log road.csv is the file of --path"),
+        (&["--json", "./road.csv"], "is the file of --path"),
+        (&["--vehicle", "car.toml", "--json", "car.toml"], "is the file of --vehicle"),
+    ] {
+        let refusal = refused(&rfl(folder.path(), &[&drive[..], more].concat()));
+        assert!(refusal.contains(words), "{refusal}");
+    }
+    let refusal = refused(&rfl(folder.path(), &["path", "road.csv", "--write", "road.csv"]));
+    assert!(refusal.contains("--write road.csv is the file of FILE"), "{refusal}");
+    let refusal = refused(&rfl(folder.path(), &["train", "road.csv", "--json", "road.csv"]));
+    assert!(refusal.contains("--json road.csv is the file of LOG"), "{refusal}");
+    let refusal = refused(&rfl(folder.path(), &["identify", "road.csv", "--json", "road.csv"]));
+    assert!(refusal.contains("--json road.csv is the file of LOG"), "{refusal}");
+    assert_eq!(std::fs::read_to_string(at("road.csv")).unwrap(), road);
+}
+
+#[test]
 fn a_duration_that_was_asked_for_is_no_failure() {
     let folder = tempfile::tempdir().unwrap();
     let (status, said, json) = drive(folder.path(), &["--duration", "2"]);

@@ -20,6 +20,7 @@ pub mod course;
 pub mod diagnose;
 pub mod drive;
 pub mod evaluate;
+mod files;
 pub mod fleet;
 pub mod identify;
 pub mod learn;

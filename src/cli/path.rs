@@ -1,7 +1,7 @@
 //! `rfl path`: properties of a road, before anything is driven on it.
 
+use super::files::check_files;
 use super::logs::LimitArgs;
-use super::output::check_writable;
 use crate::control::{ControllerParameters, SpeedParameters};
 use crate::path::{Closure, Path, PathOptions, RoadClass, Smoothing, SpeedLimits, SpeedPlan, write_csv};
 use crate::vehicle::{BUILTIN, builtin};
@@ -88,7 +88,7 @@ pub fn run(args: &PathArgs) -> Result<(), Box<dyn Error>> {
         }
     }
     if let Some(file) = &args.write {
-        check_writable(file)?;
+        check_files(&[("--write", file)], &[("FILE", &args.file)])?;
     }
     let closure = match (args.closed, args.open) {
         (true, _) => Closure::Closed,

@@ -171,6 +171,11 @@ pub(super) struct Check {
 }
 
 impl Requirement {
+    /// True if it asks for this outcome.
+    pub fn asks_for(&self, outcome: Outcome) -> bool {
+        self.wanted == Wanted::Outcome(outcome)
+    }
+
     /// Checks a drive.
     pub fn check(&self, figures: &Figures) -> Check {
         let (met, words) = match self.wanted {

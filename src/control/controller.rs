@@ -13,6 +13,7 @@
 //! and to zero once a vehicle has left the path by a lane's width.
 
 mod acceleration;
+mod resample;
 mod steering;
 
 use super::bank::{Bank, BankState, KnownActuator};

@@ -41,8 +41,12 @@ use super::tracking_qp::{QpError, QpReport, QpShape, QpSolver, SoftBound, Tracki
 use crate::nominal::zero_order_hold;
 use crate::parameters;
 use crate::path::{Path, SpeedPlan};
+use crate::vehicle::{CarParameters, range_of};
 use nalgebra::{Matrix3, Matrix3x2, Vector3};
 use serde::{Deserialize, Serialize};
+
+/// Range of the lag of a vehicle's file.
+const DRIVE_LAG: (f64, f64) = range_of(CarParameters::TABLE, "drive.lag");
 
 parameters! {
     /// The longitudinal MPC.
@@ -54,7 +58,7 @@ parameters! {
         accel_rate_max: f64 = 10.0, ONE in 0.1, 1e3; "longitudinal.accel_rate_max", "Largest rate of the commanded acceleration, m/s3"
         lag_max: f64 = 2.0, METRE in 0.01, 100.0; "longitudinal.lag_max", "Largest distance along the path between vehicle and reference point: further away the point waits"
         overspeed_max: f64 = 0.5, METRE_PER_SECOND in 0.01, 10.0; "longitudinal.overspeed_max", "Soft bound of the speed beyond the reference speed, for catching up"
-        drive_lag: f64 = 0.0, SECOND in 0.0, 5.0; "longitudinal.drive_lag", "Time constant of drive and brakes that speed control knows; 0 for none"
+        drive_lag: f64 = 0.0, SECOND in DRIVE_LAG.0, DRIVE_LAG.1; "longitudinal.drive_lag", "Time constant of drive and brakes that speed control knows; 0 for none"
         observer_gain: f64 = 0.02, ONE in 0.0, 1.0; "longitudinal.observer_gain", "Gain for one step of the observer of drag and grade; 0 switches it off"
     }
 }

@@ -10,20 +10,25 @@ use crate::parameter::{OutOfRange, Parameter, ParameterGroup};
 use crate::parameters;
 use crate::path::Path;
 use crate::residual::DataConfig;
-use crate::vehicle::{CarParameters, SingleTrack, Steering};
+use crate::vehicle::{CarParameters, SingleTrack, Steering, range_of};
 
 /// Steps of the prediction that the FMU shows as outputs; longer horizons are allowed.
 pub const SHOWN_HORIZON: usize = 30;
 
+/// Range of a number that a car's file has, too. A vehicle that a file may hold is one that the controller takes.
+const fn of_file(name: &str) -> (f64, f64) {
+    range_of(CarParameters::TABLE, name)
+}
+
 parameters! {
     /// The nominal vehicle, as a careful engineer knows it: axle stiffnesses at static load.
     pub struct NominalVehicle {
-        mass: f64 = 1412.0, KILOGRAM in 100.0, 60e3; "vehicle.mass", "Mass of the nominal model"
-        yaw_inertia: f64 = 1536.7, KILOGRAM_METRE2 in 50.0, 5e5; "vehicle.yaw_inertia", "Yaw moment of inertia of the nominal model"
-        lf: f64 = 1.015, METRE in 0.1, 10.0; "vehicle.cg_to_front_axle", "Distance from the CG to the front axle"
-        lr: f64 = 1.895, METRE in 0.1, 10.0; "vehicle.cg_to_rear_axle", "Distance from the CG to the rear axle"
-        front_stiffness: f64 = 120e3, NEWTON_PER_RADIAN in 1e3, 3e6; "tyre.front.stiffness", "Cornering stiffness of the front axle (both tyres)"
-        rear_stiffness: f64 = 110e3, NEWTON_PER_RADIAN in 1e3, 3e6; "tyre.rear.stiffness", "Cornering stiffness of the rear axle (both tyres)"
+        mass: f64 = 1412.0, KILOGRAM in of_file("vehicle.mass").0, of_file("vehicle.mass").1; "vehicle.mass", "Mass of the nominal model"
+        yaw_inertia: f64 = 1536.7, KILOGRAM_METRE2 in of_file("vehicle.yaw_inertia").0, of_file("vehicle.yaw_inertia").1; "vehicle.yaw_inertia", "Yaw moment of inertia of the nominal model"
+        lf: f64 = 1.015, METRE in of_file("vehicle.cg_to_front_axle").0, of_file("vehicle.cg_to_front_axle").1; "vehicle.cg_to_front_axle", "Distance from the CG to the front axle"
+        lr: f64 = 1.895, METRE in of_file("vehicle.cg_to_rear_axle").0, of_file("vehicle.cg_to_rear_axle").1; "vehicle.cg_to_rear_axle", "Distance from the CG to the rear axle"
+        front_stiffness: f64 = 120e3, NEWTON_PER_RADIAN in 1e3, 1e7; "tyre.front.stiffness", "Cornering stiffness of the front axle (both tyres)"
+        rear_stiffness: f64 = 110e3, NEWTON_PER_RADIAN in 1e3, 1e7; "tyre.rear.stiffness", "Cornering stiffness of the rear axle (both tyres)"
     }
 }
 
@@ -41,8 +46,8 @@ parameters! {
         r_lateral_jerk: f64 = 0.001, ONE in 0.0, 1e6; "mpc.r_lateral_jerk", "Weight of the squared lateral jerk that the rate of the steering command asks for, v^2/L times that rate, per (m/s3)2"
         tightening: f64 = 2.0, ONE in 1.0, 10.0; "mpc.tightening", "Factor on the loop's bandwidth once the drive has shown the steering actuator: weights of rates fall with its square, that of the steering's rate with its sixth power"
         follow_road: usize = 1, ONE in 0.0, 1.0; "mpc.follow_road", "What the cost is on: 1 for the deviation from the steering and the motion that following the road asks for; 0 for the steering's own rate, and the deviation from steady cornering"
-        steer_max: f64 = 0.6, RADIAN in 0.01, 1.4; "mpc.steer_max", "Largest road-wheel angle that is commanded"
-        steer_rate_max: f64 = 0.8, RADIAN_PER_SECOND in 0.01, 20.0; "mpc.steer_rate_max", "Largest rate of the road-wheel angle that is commanded"
+        steer_max: f64 = 0.6, RADIAN in of_file("steering.angle_limit").0, of_file("steering.angle_limit").1; "mpc.steer_max", "Largest road-wheel angle that is commanded"
+        steer_rate_max: f64 = 0.8, RADIAN_PER_SECOND in of_file("steering.rate_limit").0, 20.0; "mpc.steer_rate_max", "Largest rate of the road-wheel angle that is commanded"
         lateral_jerk_max: f64 = 15.0, METRE_PER_SECOND3 in 0.1, 1e6; "mpc.lateral_jerk_max", "Largest lateral jerk that the rate of the steering command asks for, v^2/L times that rate: the bound of the rate falls with the speed"
         e1_max: f64 = 0.5, METRE in 0.01, 100.0; "mpc.e1_max", "Soft bound of the lateral error"
         slack_quadratic: f64 = 100.0, ONE in 1e-6, 1e9; "mpc.slack_quadratic", "Weight of the squared excess over the soft bound, per m2"
@@ -83,12 +88,12 @@ parameters! {
 parameters! {
     /// The given steering actuator: of the variant `actuator`, and to begin with of `adaptive`.
     pub struct ActuatorParameters {
-        dead_time: f64 = 0.0, SECOND in 0.0, 1.0; "actuator.dead_time", "Dead time of the steering actuator that the variant actuator predicts with"
+        dead_time: f64 = 0.0, SECOND in of_file("steering.dead_time").0, of_file("steering.dead_time").1; "actuator.dead_time", "Dead time of the steering actuator that the variant actuator predicts with"
         dead_time_model: DeadTimeModel = 0, ONE in 0.0, 3.0; "actuator.dead_time_model", "How the variant actuator predicts with that dead time"
-        time_constant: f64 = 0.0, SECOND in 0.0, 2.0; "actuator.time_constant", "Time constant of the first-order lag of the steering actuator that the variant actuator predicts with"
-        backlash: f64 = 0.0, RADIAN in 0.0, 0.2; "actuator.backlash", "Full width of the steering's gap: the command takes it up where the plan reverses"
-        gain: f64 = 1.0, ONE in 0.2, 3.0; "actuator.gain", "Known ratio of the angle at the wheels to the command: wheels = gain * steer_cmd + offset"
-        offset: f64 = 0.0, RADIAN in -0.5, 0.5; "actuator.offset", "Known angle at the wheels without a command: wheels = gain * steer_cmd + offset"
+        time_constant: f64 = 0.0, SECOND in of_file("steering.lag").0, of_file("steering.lag").1; "actuator.time_constant", "Time constant of the first-order lag of the steering actuator that the variant actuator predicts with"
+        backlash: f64 = 0.0, RADIAN in of_file("steering.backlash").0, of_file("steering.backlash").1; "actuator.backlash", "Full width of the steering's gap: the command takes it up where the plan reverses"
+        gain: f64 = 1.0, ONE in of_file("steering.gain").0, of_file("steering.gain").1; "actuator.gain", "Known ratio of the angle at the wheels to the command: wheels = gain * steer_cmd + offset"
+        offset: f64 = 0.0, RADIAN in of_file("steering.offset").0, of_file("steering.offset").1; "actuator.offset", "Known angle at the wheels without a command: wheels = gain * steer_cmd + offset"
     }
 }
 

@@ -15,7 +15,7 @@ use crate::nominal::{ArticulatedState, ErrorState};
 use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::parameters;
 use crate::path::TRUCK_GRIP;
-use crate::vehicle::{Articulated, TruckParameters};
+use crate::vehicle::{Articulated, TruckParameters, range_of};
 
 /// States of a truck: its errors to the path, the articulation and its rate.
 pub const TRUCK_STATES: usize = 6;
@@ -36,18 +36,23 @@ impl ControlledVehicle<TRUCK_STATES> for Articulated {
     }
 }
 
+/// Range of a number that a truck's file has, too.
+const fn of_file(name: &str) -> (f64, f64) {
+    range_of(TruckParameters::TABLE, name)
+}
+
 parameters! {
     /// The nominal truck of a careful engineer, and the cost of its articulation. Names are those of a truck's file.
     pub struct NominalTruck {
-        mass1: f64 = 7180.0, KILOGRAM in 500.0, 1e5; "tractor.mass", "Mass of the nominal model's tractor"
-        yaw_inertia1: f64 = 21_863.0, KILOGRAM_METRE2 in 100.0, 1e6; "tractor.yaw_inertia", "Yaw inertia of the nominal model's tractor about its CG"
-        a1: f64 = 1.675, METRE in 0.1, 10.0; "tractor.cg_to_front_axle", "Distance from the tractor's CG to the front axle"
-        b1: f64 = 1.815, METRE in 0.1, 10.0; "tractor.cg_to_rear_axle", "Distance from the tractor's CG to the rear axle"
-        c1: f64 = 0.6, METRE in -3.0, 6.0; "hitch.cg_to_hitch", "Distance from the tractor's CG back to the hitch"
-        mass2: f64 = 10_000.0, KILOGRAM in 500.0, 1e5; "trailer.mass", "Mass of the nominal model's semi-trailer"
-        yaw_inertia2: f64 = 141_676.0, KILOGRAM_METRE2 in 100.0, 1e7; "trailer.yaw_inertia", "Yaw inertia of the nominal model's semi-trailer about its CG"
-        a2: f64 = 4.426, METRE in 0.1, 20.0; "trailer.cg_to_hitch", "Distance from the semi-trailer's CG forward to the hitch"
-        b2: f64 = 3.102, METRE in 0.1, 20.0; "trailer.cg_to_axle", "Distance from the semi-trailer's CG back to its axle group"
+        mass1: f64 = 7180.0, KILOGRAM in of_file("tractor.mass").0, of_file("tractor.mass").1; "tractor.mass", "Mass of the nominal model's tractor"
+        yaw_inertia1: f64 = 21_863.0, KILOGRAM_METRE2 in of_file("tractor.yaw_inertia").0, of_file("tractor.yaw_inertia").1; "tractor.yaw_inertia", "Yaw inertia of the nominal model's tractor about its CG"
+        a1: f64 = 1.675, METRE in of_file("tractor.cg_to_front_axle").0, of_file("tractor.cg_to_front_axle").1; "tractor.cg_to_front_axle", "Distance from the tractor's CG to the front axle"
+        b1: f64 = 1.815, METRE in of_file("tractor.cg_to_rear_axle").0, of_file("tractor.cg_to_rear_axle").1; "tractor.cg_to_rear_axle", "Distance from the tractor's CG to the rear axle"
+        c1: f64 = 0.6, METRE in of_file("hitch.cg_to_hitch").0, of_file("hitch.cg_to_hitch").1; "hitch.cg_to_hitch", "Distance from the tractor's CG back to the hitch"
+        mass2: f64 = 10_000.0, KILOGRAM in of_file("trailer.mass").0, of_file("trailer.mass").1; "trailer.mass", "Mass of the nominal model's semi-trailer"
+        yaw_inertia2: f64 = 141_676.0, KILOGRAM_METRE2 in of_file("trailer.yaw_inertia").0, of_file("trailer.yaw_inertia").1; "trailer.yaw_inertia", "Yaw inertia of the nominal model's semi-trailer about its CG"
+        a2: f64 = 4.426, METRE in of_file("trailer.cg_to_hitch").0, of_file("trailer.cg_to_hitch").1; "trailer.cg_to_hitch", "Distance from the semi-trailer's CG forward to the hitch"
+        b2: f64 = 3.102, METRE in of_file("trailer.cg_to_axle").0, of_file("trailer.cg_to_axle").1; "trailer.cg_to_axle", "Distance from the semi-trailer's CG back to its axle group"
         front_stiffness: f64 = 289e3, NEWTON_PER_RADIAN in 1e3, 1e7; "tyre.front.stiffness", "Cornering stiffness of the front axle (all tyres)"
         rear_stiffness: f64 = 343e3, NEWTON_PER_RADIAN in 1e3, 1e7; "tyre.rear.stiffness", "Cornering stiffness of the rear axle (all tyres)"
         trailer_stiffness: f64 = 329e3, NEWTON_PER_RADIAN in 1e3, 1e7; "tyre.trailer.stiffness", "Cornering stiffness of the trailer's axle group (all tyres)"

@@ -2,11 +2,14 @@
 //!
 //! It computes at its sample time Ts and holds its commands between. Outputs change in steps only: at a
 //! communication point they do not depend on the inputs set there, so there is no algebraic loop with the plant.
+//! A host with steps longer than Ts holds the commands for as long: its step becomes the sample time (`host_step.rs`).
+
+mod host_step;
 
 use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::control::{
     Choice, ControlStatus, ControlVariant, ControlledParameters, ControllerFile, ControllerFor,
-    ControllerParametersFor, ControllerState, Measurement, Propagation, RollOut, Sampler,
+    ControllerParametersFor, ControllerState, Measurement, PredictionModelFor, Propagation, RollOut, Sampler,
 };
 use crate::finite::check_finite;
 use crate::fmi::{
@@ -412,8 +415,13 @@ pub struct ControllerFmu<U: ControllerUnit<S>, const S: usize> {
 struct Running<U: ControllerUnit<S>, const S: usize> {
     controller: ControllerFor<U, S>,
     sampler: Sampler,
-    /// True once the host's step has been held to the sample time.
-    step_judged: bool,
+    variant: ControlVariant,
+    /// The prediction model, and the sample time of the parameters, s. That of the controller is the host's step, where
+    /// this is longer.
+    model: PredictionModelFor<U::Vehicle, S>,
+    sample_time: f64,
+    /// True once the host has been told that its step is too long.
+    told: bool,
 }
 
 /// State that [`Model::save`] writes.
@@ -421,6 +429,10 @@ struct Running<U: ControllerUnit<S>, const S: usize> {
 struct Saved<const S: usize> {
     controller: ControllerState<S>,
     sampler: Sampler,
+    /// Sample time of the controller, s.
+    sample_time: f64,
+    /// Hash of the road, whose shape the state does not hold.
+    road: u64,
 }
 
 impl<const S: usize> Saved<S> {
@@ -492,12 +504,14 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
             bytes => choice.prediction_model_of(RESIDUAL_DATA, bytes, &parameters),
         }
         .map_err(failed)?;
-        let controller = ControllerFor::predicting_with(parameters, Arc::new(path), model).map_err(failed)?;
+        let controller =
+            ControllerFor::predicting_with(parameters, Arc::new(path), model.clone()).map_err(failed)?;
         if !values.is_set_by_host(v.variant) {
             values.set_integer(v.variant, variant as i32);
         }
         log.log(Severity::Info, "variant", &format!("variant {}: {}", variant.name(), variant.meaning()));
 
+        let sample_time = controller.parameters().mpc.sample_time;
         let path = controller.path();
         values.set_real(v.path_length, path.length());
         let begin = path.at(0.0);
@@ -505,7 +519,8 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
             values.set_real(*vr, value);
         }
         write_outputs(v, values, &controller);
-        self.running = Some(Running { controller, sampler: Sampler::new(start_time), step_judged: false });
+        let sampler = Sampler::new(start_time);
+        self.running = Some(Running { controller, sampler, variant, model, sample_time, told: false });
         Ok(())
     }
 
@@ -517,21 +532,11 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         log: &mut dyn Log,
     ) -> Result<(), ModelError> {
         let v = &self.variables;
-        let Some(Running { controller, sampler, step_judged }) = &mut self.running else {
+        let Some(running) = &mut self.running else {
             return Err(failed("the controller is not initialised"));
         };
-        let sample_time = controller.parameters().mpc.sample_time;
-        if !std::mem::replace(step_judged, true) && Sampler::is_outpaced(step, sample_time) {
-            log.log(
-                Severity::Warning,
-                "control",
-                &format!(
-                    "t = {time} s: the host's step is {step} s, longer than mpc.sample_time, {sample_time} s: the \
-                     controller computes once a step, what it predicts does not come, and the vehicle may leave the \
-                     road. Set mpc.sample_time to the host's step, or make that shorter"
-                ),
-            );
-        }
+        running.keep_up_with(time, step, log)?;
+        let Running { controller, sampler, .. } = running;
         if !sampler.due(time, controller.parameters().mpc.sample_time) {
             return Ok(());
         }
@@ -568,9 +573,9 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         let status = |model: &Self| model.running.as_ref().map(|running| running.controller.report().status);
         let before = status(self);
         self.step(values, time, step, log)?;
-        let Some(Running { controller, .. }) = &self.running else { return Ok(step) };
+        let Some(Running { sample_time, .. }) = &self.running else { return Ok(step) };
         let is_event = before != status(self) && before != Some(ControlStatus::Waiting);
-        Ok(if is_event { step.min(controller.parameters().mpc.sample_time) } else { step })
+        Ok(if is_event { step.min(*sample_time) } else { step })
     }
 
     fn reports_warnings(&self, values: &Values) -> bool {
@@ -579,7 +584,12 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
 
     fn save(&self, bytes: &mut Vec<u8>) {
         if let Some(Running { controller, sampler, .. }) = &self.running {
-            let saved = Saved { controller: controller.state().clone(), sampler: *sampler };
+            let saved = Saved {
+                controller: controller.state().clone(),
+                sampler: *sampler,
+                sample_time: controller.parameters().mpc.sample_time,
+                road: controller.path().hash(),
+            };
             if let Ok(encoded) = postcard::to_allocvec(&saved) {
                 bytes.extend_from_slice(&encoded);
             }
@@ -595,10 +605,24 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
             return Err(failed("the controller is not initialised"));
         };
         let saved: Saved<S> = Saved::read(bytes)?;
-        if running.controller.restore(saved.controller).is_some() {
+        if saved.road != running.controller.path().hash() {
+            return Err(failed(
+                "the saved controller state was made on another road: the file that path_file names has changed since, or \
+                 is another one; restore it with the file of then",
+            ));
+        }
+        let mut resampled = None;
+        if saved.sample_time != running.controller.parameters().mpc.sample_time {
+            resampled = Some(running.resampled(saved.sample_time)?);
+        }
+        let controller = resampled.as_mut().unwrap_or(&mut running.controller);
+        if controller.restore(saved.controller).is_some() {
             return Err(failed(
                 "the saved controller state is of a controller with another mpc.horizon, variant or speed.controller",
             ));
+        }
+        if let Some(controller) = resampled {
+            running.controller = controller;
         }
         running.sampler = saved.sampler;
         Ok(())

@@ -223,6 +223,8 @@ pub struct PlantFmu<P> {
     references: References,
     vehicle: Option<P>,
     status: i32,
+    /// Hash of the road; 0 without one.
+    road: u64,
 }
 
 impl<P: PlantUnit> PlantFmu<P> {
@@ -323,7 +325,7 @@ impl<P: PlantUnit> Model for PlantFmu<P> {
     }
 
     fn new() -> Self {
-        Self { references: declare::<P>().1, vehicle: None, status: 0 }
+        Self { references: declare::<P>().1, vehicle: None, status: 0, road: 0 }
     }
 
     fn initialize(
@@ -347,6 +349,7 @@ impl<P: PlantUnit> Model for PlantFmu<P> {
                 Some(Arc::new(road))
             }
         };
+        self.road = road.as_ref().map_or(0, |road| road.hash());
         let mut vehicle = P::make(&parameters, &effects, road).map_err(failed)?;
         let initial = |index| values.real(at.initial + index);
         vehicle.place(initial(0), initial(1), initial(2), initial(3));
@@ -383,25 +386,32 @@ impl<P: PlantUnit> Model for PlantFmu<P> {
     fn save(&self, bytes: &mut Vec<u8>) {
         if let Some(vehicle) = &self.vehicle {
             bytes.push(self.status as u8);
+            bytes.extend_from_slice(&self.road.to_le_bytes());
             vehicle.save(bytes);
         }
     }
 
     fn check(bytes: &[u8]) -> Result<(), ModelError> {
-        match bytes.split_first() {
+        match Saved::of(bytes)? {
             None => Ok(()),
-            Some((_, state)) => P::check_state(state).map_err(failed),
+            Some(saved) => P::check_state(saved.vehicle).map_err(failed),
         }
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), ModelError> {
-        match (&mut self.vehicle, bytes.split_first()) {
+        match (&mut self.vehicle, Saved::of(bytes)?) {
             (None, None) => Ok(()),
-            (Some(vehicle), Some((&status, state))) => {
-                let status = i32::from(status);
+            (Some(vehicle), Some(Saved { status, road, vehicle: state })) => {
                 if P::STATUS.1.iter().all(|item| item.0 != status) {
                     return Err(ModelError::Failed(format!(
                         "a saved {} cannot have status {status}; the state is of another FMU",
+                        P::WHAT
+                    )));
+                }
+                if road != self.road {
+                    return Err(ModelError::Failed(format!(
+                        "the saved state of the {} was made on another road: the file that road_file names has changed \
+                         since, or is another one; restore it with the file of then",
                         P::WHAT
                     )));
                 }
@@ -415,6 +425,23 @@ impl<P: PlantUnit> Model for PlantFmu<P> {
                     .to_string(),
             )),
         }
+    }
+}
+
+/// Parts of a saved state.
+struct Saved<'a> {
+    status: i32,
+    road: u64,
+    vehicle: &'a [u8],
+}
+
+impl<'a> Saved<'a> {
+    /// None of an instance without a vehicle.
+    fn of(bytes: &'a [u8]) -> Result<Option<Self>, ModelError> {
+        let Some((&status, rest)) = bytes.split_first() else { return Ok(None) };
+        let (road, vehicle) =
+            rest.split_first_chunk().ok_or_else(|| failed("the saved state ends too early"))?;
+        Ok(Some(Self { status: i32::from(status), road: u64::from_le_bytes(*road), vehicle }))
     }
 }
 

@@ -5,11 +5,12 @@ use super::error::{InputPlace, PathError};
 use super::noise::{PointNoise, middle};
 use super::note::Note;
 use super::read::Accuracy;
-use super::sample::{Closure, PathOptions, Sample, Smoothing};
+use super::sample::{Closure, PathOptions, RoadClass, Sample, Smoothing};
 use super::spline::{QuinticSpline, Vector, distance};
 use super::stops::{WIDTHS, usual_spacing, without_stops};
 use super::straight::fill;
 use super::wrap_angle;
+use crate::numerics::Fnv;
 use crate::numerics::statistics::upper_median;
 use std::borrow::Cow;
 
@@ -30,6 +31,8 @@ pub(super) struct CheckedRoad {
     /// The curve relative to `origin`.
     pub curve: QuinticSpline,
     pub origin: Vector,
+    /// Hash of the points as given.
+    pub hash: u64,
 }
 
 /// Roads without stops that are drawn at most.
@@ -46,8 +49,9 @@ pub(super) fn check(
     for (index, sample) in samples.iter().enumerate() {
         check_values(sample, index)?;
     }
+    let hash = hash(&samples, accuracy);
     let stood = drive_on(&mut samples)?;
-    let mut road = measured_and_drawn(samples, options, accuracy)?;
+    let mut road = CheckedRoad { hash, ..measured_and_drawn(samples, options, accuracy)? };
     road.notes.extend(stood.map(Note::info));
     // Of a lap both are one place, and a stretch that nobody gets through lies between.
     if let (true, [first, .., last]) = (road.periodic, &mut road.samples[..])
@@ -70,7 +74,7 @@ fn measured_and_drawn(
     let samples: Vec<(usize, Sample)> = samples.into_iter().enumerate().collect();
     // Headings and curvatures tell the road better than its points.
     let posed = || samples.iter().all(|(_, sample)| sample.yaw.is_some() && sample.curvature.is_some());
-    let noise = || measured(&samples);
+    let noise = || measured(&samples, accuracy);
     match options.smoothing {
         Smoothing::AsAccurate if !posed() => {
             let noise = noise();
@@ -89,8 +93,9 @@ fn measured_and_drawn(
     }
 }
 
-fn measured(samples: &[(usize, Sample)]) -> Option<PointNoise> {
-    PointNoise::measure(&samples.iter().map(|(_, sample)| [sample.x, sample.y]).collect::<Vec<_>>())
+fn measured(samples: &[(usize, Sample)], accuracy: Accuracy) -> Option<PointNoise> {
+    let points: Vec<Vector> = samples.iter().map(|(_, sample)| [sample.x, sample.y]).collect();
+    PointNoise::measure(&points, accuracy.coarse_step())
 }
 
 /// The road of a drive that stopped, if it is one: its stops are points.
@@ -105,7 +110,7 @@ fn without_wander(
         if std::mem::replace(&mut before, kept.len()) == kept.len() {
             return None;
         }
-        let (left_out, noise) = (samples.len() - kept.len(), measured(&kept));
+        let (left_out, noise) = (samples.len() - kept.len(), measured(&kept, accuracy));
         let mut road = drawn(kept, options, accuracy, noise).ok()?;
         road.notes.push(Note::info(format!(
             "{left_out} point(s) left out where the vehicle stood or crawled: a stop is one point, the mean of those \
@@ -165,7 +170,28 @@ fn drawn(
     let points = samples.iter().map(|sample| [sample.x - origin[0], sample.y - origin[1]]).collect();
     let outline = Outline { samples: &samples, points, periodic, spacing: median, noise };
     let curve = outline.curve(options.smoothing, accuracy, &mut notes)?;
-    Ok(CheckedRoad { samples, periodic, notes, curve, origin })
+    Ok(CheckedRoad { samples, periodic, notes, curve, origin, hash: 0 })
+}
+
+/// Hash of points: that of the road, on every machine.
+fn hash(samples: &[Sample], accuracy: Accuracy) -> u64 {
+    let mut hash = Fnv::new();
+    let accuracy = match accuracy {
+        Accuracy::Exact => [0.0; 2],
+        Accuracy::Rounded { digit, step } => [digit.unwrap_or(0.0), step],
+        Accuracy::Measured(rms) => [-rms; 2],
+    };
+    accuracy.iter().for_each(|number| hash.add(&f64::to_le_bytes(*number)));
+    for Sample { x, y, yaw, curvature, speed, bank, grade, friction, class } in samples {
+        for value in [*x, *y] {
+            hash.add(&value.to_le_bytes());
+        }
+        for value in [yaw, curvature, speed, bank, grade, friction] {
+            hash.add(&value.unwrap_or(f64::NAN).to_le_bytes());
+        }
+        hash.add(class.map_or("", RoadClass::name).as_bytes());
+    }
+    hash.value()
 }
 
 fn position((_, sample): &(usize, Sample)) -> Vector {

@@ -1,7 +1,7 @@
 //! The curve of a road whose points are checked: from their headings, near them, or through them.
 
 use super::error::{InputPlace, PathError};
-use super::noise::PointNoise;
+use super::noise::{PointNoise, SLIGHT, curvature_error, rounding_error};
 use super::note::Note;
 use super::read::Accuracy;
 use super::sample::{Sample, Smoothing};
@@ -50,12 +50,13 @@ impl Outline<'_> {
     }
 
     /// The goal of smoothing with the words for its reason; none where the curve goes through the points.
-    fn goal(&self, smoothing: Smoothing, accuracy: Accuracy) -> Option<(Goal, &'static str)> {
+    fn goal(&self, smoothing: Smoothing, accuracy: Accuracy) -> Option<(Goal, String)> {
         let (tolerance, why) = match (smoothing, accuracy) {
             (Smoothing::None, _) | (Smoothing::AsAccurate, Accuracy::Exact) => (None, ""),
             (Smoothing::Within(value), _) => (Some(value), ""),
-            (Smoothing::AsAccurate, Accuracy::Digit(digit)) => {
-                (rounding(digit, self.spacing), ", the rounding of the coordinates")
+            (Smoothing::AsAccurate, Accuracy::Rounded { digit, .. }) => {
+                let of_digit = digit.and_then(|digit| rounding(digit, self.spacing));
+                (of_digit, ", the rounding of the coordinates")
             }
             (Smoothing::AsAccurate, Accuracy::Measured(value)) => {
                 (Some(value), ", the accuracy of racetrack-database")
@@ -67,14 +68,21 @@ impl Outline<'_> {
                 if !matches!(smoothing, Smoothing::Within(_))
                     && tolerance.is_none_or(|known| noise.rms() > 1.5 * known) =>
             {
-                Some((Goal::Nearest(noise.rms()), ", by their measured noise"))
+                let why = match noise.step {
+                    Some(step) => format!(
+                        ", for all coordinates are multiples of {} m (if that is no rounding: --smooth 0)",
+                        (step * 1e6).round() / 1e6
+                    ),
+                    None => ", by their measured noise".to_owned(),
+                };
+                Some((Goal::Nearest(noise.rms()), why))
             }
-            _ => tolerance.map(|tolerance| (Goal::Within(tolerance), why)),
+            _ => tolerance.map(|tolerance| (Goal::Within(tolerance), why.to_owned())),
         }
     }
 
     /// The smooth curve near the points, if there is one.
-    fn near(&self, (goal, why): (Goal, &str), notes: &mut Vec<Note>) -> Option<QuinticSpline> {
+    fn near(&self, (goal, why): (Goal, String), notes: &mut Vec<Note>) -> Option<QuinticSpline> {
         let points = &self.points;
         let along = self.noise.map(|noise| noise.means(points, self.periodic));
         let curve = smooth(points, along.as_deref(), self.periodic, goal)?;
@@ -170,9 +178,8 @@ fn wobble(curve: &QuinticSpline) -> Option<f64> {
 
 /// RMS distance by which rounding to `digit` moves points, if that matters at their spacing.
 fn rounding(digit: f64, spacing: f64) -> Option<f64> {
-    let sigma = digit / 12f64.sqrt();
-    let curvature_error = 6f64.sqrt() * sigma / (spacing * spacing);
-    (curvature_error > 1e-5).then_some(sigma * 2f64.sqrt())
+    let sigma = rounding_error(digit);
+    (curvature_error(sigma, spacing) > SLIGHT).then_some(sigma * 2f64.sqrt())
 }
 
 /// Largest error of headings and curvatures against the chords between neighbouring points, in rad.

@@ -11,14 +11,25 @@ pub struct InputPlace {
     /// The line of the file, counted from 1.
     pub line: Option<u64>,
     /// The point, counted from 0.
-    pub point: Option<usize>,
+    pub point: Option<u32>,
+    /// The column's name in the file, where it is another than ours.
+    pub column: Option<Box<WrittenName>>,
 }
+
+/// Name of a column in a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WrittenName(pub String);
 
 impl InputPlace {
     /// A point of a road that came from no file.
     #[must_use]
     pub fn point(point: usize) -> Self {
-        Self { point: Some(point), ..Self::default() }
+        Self { point: u32::try_from(point).ok(), ..Self::default() }
+    }
+
+    /// The name in the file of a column that we call `ours`.
+    fn named<'a>(&'a self, ours: &'a str) -> &'a str {
+        self.column.as_ref().map_or(ours, |written| &written.0)
     }
 }
 
@@ -127,7 +138,7 @@ pub enum PathError {
         number: usize,
     },
     /// Text where a number should be.
-    #[error("{place}, column `{column}`: `{text}` is not a number; write it as e.g. 12.5, with a point")]
+    #[error("{place}, column `{}`: `{text}` is not a number; write it as e.g. 12.5, with a point", place.named(column))]
     NotANumber {
         /// The row.
         place: InputPlace,
@@ -138,7 +149,8 @@ pub enum PathError {
     },
     /// NaN or infinity.
     #[error(
-        "{place}, column `{column}`: {value} is not finite; delete the row, or leave an optional value empty"
+        "{place}, column `{}`: {value} is not finite; delete the row, or leave an optional value empty",
+        place.named(column)
     )]
     NotFinite {
         /// The row.
@@ -149,7 +161,7 @@ pub enum PathError {
         value: f64,
     },
     /// A value that no road has: most likely a wrong unit.
-    #[error("{place}, column `{column}`: {value} lies outside {low} to {high}; is it in {unit}?")]
+    #[error("{place}, column `{}`: {value} lies outside {low} to {high}; is it in {unit}?", place.named(column))]
     OutOfRange {
         /// The row.
         place: InputPlace,
@@ -210,7 +222,11 @@ pub enum PathError {
         degrees: f64,
     },
     /// Column `s` does not rise.
-    #[error("{place}, column `s`: {value} after {before}; stations must rise: sort the rows by `s`")]
+    #[error(
+        "{place}, column `{0}`: {value} after {before}; stations must rise, but for one that starts anew at a lap's end: \
+         sort the rows by `{0}`, or delete the column",
+        place.named("s")
+    )]
     Unordered {
         /// The row.
         place: InputPlace,
@@ -235,7 +251,8 @@ pub enum PathError {
     },
     /// No vehicle moves on a road whose speed limit is 0 throughout.
     #[error(
-        "{place}, column `speed`: 0 in every row: no vehicle moves; give the speeds, or delete the column to drive as bends allow"
+        "{place}, column `{}`: 0 in every row: no vehicle moves; give the speeds, or delete the column to drive as bends allow",
+        place.named("speed")
     )]
     Standing {
         /// The road.
@@ -264,8 +281,26 @@ impl PathError {
         if let Some(place) = self.place_mut() {
             place.file = Some(file.to_path_buf());
             if place.line.is_none() {
-                place.line = place.point.and_then(|point| lines.get(point).copied());
+                place.line = place.point.and_then(|point| lines.get(point as usize).copied());
             }
+        }
+        self
+    }
+
+    /// The same error, with the column as its file names it: of `columns`, our names and the file's.
+    #[must_use]
+    pub(super) fn with_columns(mut self, columns: &[(&'static str, String)]) -> Self {
+        let ours = match &self {
+            Self::NotANumber { column, .. }
+            | Self::NotFinite { column, .. }
+            | Self::OutOfRange { column, .. } => *column,
+            Self::Unordered { .. } => "s",
+            Self::Standing { .. } => "speed",
+            _ => return self,
+        };
+        let written = columns.iter().find(|(known, _)| *known == ours);
+        if let (Some(place), Some((_, written))) = (self.place_mut(), written) {
+            place.column = Some(Box::new(WrittenName(written.clone())));
         }
         self
     }

@@ -52,6 +52,7 @@ mod draw;
 mod error;
 mod geodetic;
 mod grid;
+mod lap;
 mod noise;
 mod note;
 mod pen;
@@ -70,7 +71,7 @@ pub mod sudoku;
 mod truck_course;
 mod write;
 
-pub use error::{InputPlace, PathError};
+pub use error::{InputPlace, PathError, WrittenName};
 pub use note::Note;
 pub use project::{Projection, Where};
 pub use random::RandomRoad;
@@ -105,6 +106,7 @@ pub struct Path {
     speed: PathQuantity,
     classes: Vec<Option<RoadClass>>,
     notes: Vec<Note>,
+    hash: u64,
     plans: SharedPlans,
 }
 
@@ -166,7 +168,7 @@ impl Path {
     /// | `bank`, `grade` | rad | positive with the right side low, positive uphill |
     /// | `friction` | 1 | factor of the tyre's nominal grip |
     /// | `class` | | [`RoadClass::name`] |
-    /// | `s` | m | station; only its order is checked |
+    /// | `s` | m | station; only its order is checked. One that starts anew ends a lap, and one lap is the road |
     ///
     /// If the file gives both `yaw` and `curvature` and they fit the points, they hold. Otherwise a spline through the
     /// points holds, smoothed to the accuracy of the file ([`Smoothing::AsAccurate`]).
@@ -215,14 +217,14 @@ impl Path {
     ) -> Result<Self, PathError> {
         let mut table = read::parse(reader, options.limits).map_err(|error| error.in_file(name, &[]))?;
         let mut road = check::check(table.samples, options, table.accuracy)
-            .map_err(|error| error.in_file(name, &table.lines))?;
+            .map_err(|error| error.in_file(name, &table.lines).with_columns(&table.columns))?;
         table.notes.append(&mut road.notes);
         road.notes = table.notes;
         Ok(Self::from_road(road))
     }
 
     fn from_road(road: check::CheckedRoad) -> Self {
-        let check::CheckedRoad { samples, periodic, notes, curve, origin } = road;
+        let check::CheckedRoad { samples, periodic, notes, curve, origin, hash } = road;
         let grid = Grid::new(&curve);
         let count = grid.cells.len();
         let yaw_end = {
@@ -262,6 +264,7 @@ impl Path {
             speed: channel(f64::NAN, |sample| sample.speed),
             classes,
             notes,
+            hash,
             cells: grid.cells,
             plans: SharedPlans::default(),
         };
@@ -280,6 +283,12 @@ impl Path {
     #[must_use]
     pub fn is_periodic(&self) -> bool {
         self.periodic
+    }
+
+    /// Hash of the points that the road was made from: tells roads apart.
+    #[must_use]
+    pub fn hash(&self) -> u64 {
+        self.hash
     }
 
     /// Notes on the road for its user: points dropped, columns not used, assumptions.

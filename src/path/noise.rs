@@ -11,6 +11,10 @@
 //! fit does not use the spacing: uneven points on a smooth road have none. Of the remainder of a smooth road,
 //! neighbours have one sign; of noise, they change it. The window grows until it is long against the noise. Points 10
 //! cm apart with 1 m of noise have a direction over 10 m only.
+//!
+//! Coordinates that are all multiples of a step `q` have been rounded, if the remainders are about as large as rounding
+//! makes them, `q / sqrt 12`. Rounding of neighbours need not change its sign. A road that was drawn on a grid, without
+//! such remainders, is exact.
 
 use super::spline::{Vector, distance};
 use crate::numerics::statistics::upper_median;
@@ -20,6 +24,8 @@ use crate::numerics::statistics::upper_median;
 pub(super) struct PointNoise {
     /// Standard deviation across the road in m.
     pub sigma: f64,
+    /// Step of the coordinates in m, where its rounding is the noise.
+    pub step: Option<f64>,
     /// Number of points on either side of a mean that is long against the noise.
     half: usize,
 }
@@ -35,6 +41,10 @@ const CURVATURE: f64 = 0.005;
 const CHANGES: f64 = 0.4;
 /// Fewest points to tell noise by.
 const POINTS: usize = 30;
+/// Share of a step's rounding error that remainders of rounded points have at least: a road along an axis hides some.
+const ROUNDED: f64 = 0.5;
+/// Curvature error below which rounding does not matter, in 1/m.
+pub(super) const SLIGHT: f64 = 1e-5;
 
 impl PointNoise {
     /// RMS distance of the points from the road in m: across and along.
@@ -42,21 +52,26 @@ impl PointNoise {
         self.sigma * 2f64.sqrt()
     }
 
-    /// Measures the noise of points in driving order; `None` if there is none that matters.
-    pub fn measure(points: &[Vector]) -> Option<Self> {
+    /// Measures the noise of points in driving order; `None` if there is none that matters. All coordinates are multiples
+    /// of `step` in m, if there is one.
+    pub fn measure(points: &[Vector], step: Option<f64>) -> Option<Self> {
         let mut half = HALF.0;
         while points.len() >= POINTS.max(2 * half + 2) && half <= HALF.1 {
             let found = Residuals::of(points, half);
             let sigma = found.scale()?;
-            if found.length < LONG * sigma {
+            let rounding = step.map(rounding_error).filter(|rounding| sigma >= ROUNDED * rounding);
+            if found.length < LONG * sigma.max(rounding.unwrap_or(0.0)) {
                 half *= 2;
                 continue;
             }
             let spacing = found.length / (2 * half) as f64;
-            // RMS error of the curvature through three points.
-            let curvature = 6f64.sqrt() * sigma / (spacing * spacing);
-            let noisy = curvature > CURVATURE && found.changes() > CHANGES;
-            return noisy.then_some(Self { sigma, half });
+            // Of a large noise, rounding is part.
+            let noisy = curvature_error(sigma, spacing) > CURVATURE && found.changes() > CHANGES;
+            if noisy && rounding.is_none_or(|rounding| sigma * ROUNDED > rounding) {
+                return Some(Self { sigma, step: None, half });
+            }
+            let rounding = rounding.filter(|&rounding| curvature_error(rounding, spacing) > SLIGHT)?;
+            return Some(Self { sigma: rounding, step, half });
         }
         None
     }
@@ -86,6 +101,16 @@ impl PointNoise {
     pub fn stride(&self) -> usize {
         self.half
     }
+}
+
+/// Standard deviation of the rounding to a step.
+pub(super) fn rounding_error(step: f64) -> f64 {
+    step / 12f64.sqrt()
+}
+
+/// RMS error of the curvature through three points, in 1/m, of points with a standard deviation at a spacing.
+pub(super) fn curvature_error(sigma: f64, spacing: f64) -> f64 {
+    6f64.sqrt() * sigma / (spacing * spacing)
 }
 
 /// Remainders of the windows' parabolas.

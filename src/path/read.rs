@@ -12,6 +12,7 @@
 
 use super::error::{InputPlace, PathError};
 use super::geodetic::{DEGREE, TangentPlane};
+use super::lap::{Progress, Stations};
 use super::note::Note;
 use super::sample::{RoadClass, Sample};
 use crate::table::{self, Header, Limits, Table as Rows, TableError, split_unit};
@@ -210,6 +211,8 @@ pub(super) struct RoadTable {
     /// The line of each sample.
     pub lines: Vec<u64>,
     pub accuracy: Accuracy,
+    /// Our names of the columns used, and the file's.
+    pub columns: Vec<(&'static str, String)>,
     /// Columns as they were interpreted.
     pub notes: Vec<Note>,
 }
@@ -219,10 +222,21 @@ pub(super) struct RoadTable {
 pub(super) enum Accuracy {
     /// Exactly, as far as we know.
     Exact,
-    /// Rounded to this digit in m.
-    Digit(f64),
+    /// Written to a digit, in m; none where it is so coarse that the road may have been drawn by hand. All coordinates are
+    /// multiples of a step, in m, that may be coarser.
+    Rounded { digit: Option<f64>, step: f64 },
     /// Measured, to this RMS distance in m.
     Measured(f64),
+}
+
+impl Accuracy {
+    /// The step of coordinates in m, where it is coarser than a digit that is known for an accuracy.
+    pub fn coarse_step(self) -> Option<f64> {
+        match self {
+            Self::Rounded { digit, step } if digit.is_none_or(|digit| step > 1.5 * digit) => Some(step),
+            _ => None,
+        }
+    }
 }
 
 /// RMS distance in m from the centre lines of racetrack-database. Its arcs begin and end without a transition, and
@@ -241,36 +255,20 @@ fn broken(source: TableError) -> PathError {
 pub(super) fn parse(reader: impl Read, limits: Limits) -> Result<RoadTable, PathError> {
     let known = |name: &str| Meaning::of(name, None).is_some();
     let mut rows = Rows::new(reader, limits, &known).map_err(broken)?;
-    let mut table =
-        RoadTable { samples: Vec::new(), lines: Vec::new(), accuracy: Accuracy::Exact, notes: Vec::new() };
+    let mut table = RoadTable {
+        samples: Vec::new(),
+        lines: Vec::new(),
+        accuracy: Accuracy::Exact,
+        columns: Vec::new(),
+        notes: Vec::new(),
+    };
     let columns = if rows.header().line == 0 { Vec::new() } else { header(rows.header(), &mut table.notes)? };
+    let written = rows.header().written.iter().map(|written| written.chars().take(40).collect());
+    table.columns = columns.iter().map(|meaning| meaning.column.name()).zip(written).collect();
     let geodetic = columns.iter().any(|meaning| meaning.column.is_geodetic());
     let mut decimals = Decimals::default();
-    let mut last_station = f64::NEG_INFINITY;
-    loop {
-        let latin1 = rows.is_latin1();
-        let Some(next) = rows.next_row().map_err(broken)? else { break };
-        let line = next.line;
-        let (sample, station) = match row(&next, &columns, &mut decimals) {
-            // Letters of an unknown encoding where a number should be.
-            Err(PathError::NotANumber { text, .. }) if !text.is_ascii() && (latin1 || rows.is_latin1()) => {
-                return Err(PathError::NotText { place: at_line(line) });
-            }
-            other => other?,
-        };
-        if let Some(station) = station {
-            if station <= last_station {
-                return Err(PathError::Unordered {
-                    place: at_line(line),
-                    value: station,
-                    before: last_station,
-                });
-            }
-            last_station = station;
-        }
-        table.samples.push(sample);
-        table.lines.push(line);
-    }
+    read_rows(&mut rows, &columns, &mut decimals, &mut table)
+        .map_err(|error| error.with_columns(&table.columns))?;
     if table.samples.is_empty() {
         return Err(PathError::Empty { place: InputPlace::default() });
     }
@@ -278,13 +276,57 @@ pub(super) fn parse(reader: impl Read, limits: Limits) -> Result<RoadTable, Path
         lay_on_plane(&mut table);
     }
     let widths = columns.iter().any(|meaning| meaning.column == RoadColumn::TrackWidth);
-    table.accuracy = match decimals.resolution() {
-        _ if widths => Accuracy::Measured(RACETRACK_DATABASE),
-        Some(digit) if geodetic => Accuracy::Digit(digit * DEGREE),
-        Some(digit) => Accuracy::Digit(digit),
-        None => Accuracy::Exact,
+    table.accuracy = match widths {
+        true => Accuracy::Measured(RACETRACK_DATABASE),
+        false => decimals.accuracy(if geodetic { DEGREE } else { 1.0 }),
     };
     Ok(table)
+}
+
+/// Reads the rows below the header, of a lap at most.
+fn read_rows(
+    rows: &mut Rows<impl Read>,
+    columns: &[Meaning],
+    decimals: &mut Decimals,
+    table: &mut RoadTable,
+) -> Result<(), PathError> {
+    let mut stations = Stations::new();
+    let (mut anew, mut beyond) = (None, 0usize);
+    loop {
+        let latin1 = rows.is_latin1();
+        let Some(next) = rows.next_row().map_err(broken)? else { break };
+        let line = next.line;
+        let (sample, station) = match row(&next, columns, decimals) {
+            // Letters of an unknown encoding where a number should be.
+            Err(PathError::NotANumber { text, .. }) if !text.is_ascii() && (latin1 || rows.is_latin1()) => {
+                return Err(PathError::NotText { place: at_line(line) });
+            }
+            other => other?,
+        };
+        let before = stations.newest();
+        match station.map(|station| (station, stations.take(station, [sample.x, sample.y]))) {
+            Some((value, Progress::Falls)) => {
+                return Err(PathError::Unordered { place: at_line(line), value, before });
+            }
+            Some((_, Progress::BeyondLap)) => {
+                anew = anew.or(Some(line));
+                beyond += 1;
+                continue;
+            }
+            Some((_, Progress::StartsAnew)) => anew = Some(line),
+            _ => {}
+        }
+        table.samples.push(sample);
+        table.lines.push(line);
+    }
+    if let Some(line) = anew {
+        let cut =
+            if beyond > 0 { format!("; {beyond} point(s) beyond it are left out") } else { String::new() };
+        table
+            .notes
+            .push(Note::info(format!("the station starts anew at line {line}: one lap is the road{cut}")));
+    }
+    Ok(())
 }
 
 /// Makes `x` and `y` of the longitudes and latitudes that stand in their places.
@@ -303,25 +345,52 @@ fn lay_on_plane(table: &mut RoadTable) {
     )));
 }
 
-/// Counts the decimals that coordinates are written with.
+/// Digits and steps that coordinates are written with.
 #[derive(Default)]
 struct Decimals {
     most: u32,
     exponents: bool,
+    /// First x and y in units of the last digit; the greatest common divisor of all distances from them.
+    first: [Option<i128>; 2],
+    divisor: i128,
 }
 
+/// Most decimals that are looked at: a double has no more.
+const DECIMALS: u32 = 15;
+
 impl Decimals {
-    fn look(&mut self, text: &str) {
+    /// Looks at a coordinate's text: of `x` (0) or `y` (1).
+    fn look(&mut self, text: &str, axis: usize) {
         self.exponents |= text.contains(['e', 'E']);
-        if let Some((_, fraction)) = text.split_once('.') {
-            self.most = self.most.max(fraction.len() as u32);
+        let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
+        self.most = self.most.max(fraction.len().min(DECIMALS as usize) as u32);
+        if self.exponents || fraction.len() > DECIMALS as usize || whole.len() > DECIMALS as usize {
+            self.exponents = true;
+            return;
         }
+        let digits = format!("{whole}{fraction:0<width$}", width = DECIMALS as usize);
+        let Ok(units) = digits.parse::<i128>() else { return };
+        let first = *self.first[axis].get_or_insert(units);
+        self.divisor = greatest_common_divisor(self.divisor, (units - first).abs());
     }
 
-    /// The last digit in m. Whole metres and decimetres are taken as exact: they were drawn by hand.
-    fn resolution(&self) -> Option<f64> {
-        (!self.exponents && (2..15).contains(&self.most)).then(|| 0.1f64.powi(self.most as i32))
+    /// The accuracy of coordinates in a unit of so many m. Whole metres and decimetres may have been drawn by hand.
+    fn accuracy(&self, unit: f64) -> Accuracy {
+        if self.exponents || self.most >= DECIMALS {
+            return Accuracy::Exact;
+        }
+        let digit = 0.1f64.powi(self.most as i32);
+        let step = self.divisor as f64 * 0.1f64.powi(DECIMALS as i32);
+        let digit = unit * digit;
+        Accuracy::Rounded {
+            digit: (self.most >= 2).then_some(digit),
+            step: if self.divisor > 0 { unit * step } else { digit },
+        }
     }
+}
+
+fn greatest_common_divisor(a: i128, b: i128) -> i128 {
+    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
 }
 
 /// The columns that a header names.
@@ -452,7 +521,7 @@ fn row(
             return Err(PathError::NotFinite { place: at_line(line), column: column.name(), value });
         }
         if needed && (factor == 1.0 || column.is_geodetic()) {
-            decimals.look(&plain);
+            decimals.look(&plain, usize::from(matches!(column, RoadColumn::Y | RoadColumn::Latitude)));
         }
         let largest = if column == RoadColumn::Latitude { 90f64 } else { 360.0 };
         if column.is_geodetic() && value.abs() > largest.to_radians() {

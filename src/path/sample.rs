@@ -50,8 +50,8 @@ pub enum Closure {
 pub enum Smoothing {
     /// Accuracy of the file. For racetrack-database it is 2 cm RMS: points 5 m apart, drawn from satellite images, that
     /// enter bends without a transition. Else it is the rounding of the coordinates: 1 m points with 3 decimals have a
-    /// curvature error of 1e-3 1/m from rounding alone. Coordinates with fewer than 2 decimals are taken as drawn by
-    /// hand, and exact.
+    /// curvature error of 1e-3 1/m from rounding alone. Coordinates in steps that are coarser, 0.1 m or 1 m, are rounded if
+    /// the points lie about as far from a smooth road as rounding puts them, and else drawn by hand, and exact.
     #[default]
     AsAccurate,
     /// No smoothing: the path goes through every point.

@@ -10,6 +10,9 @@
 //! timed_out  never lost, and the duration was over first
 //! ```
 //!
+//! A vehicle that is placed beside its lane is to come in first: its lane is left from then on. The reason says where it
+//! began and came in, and the errors count from the start.
+//!
 //! The controller's own estimate decides nothing: a false sample at the road's end completes no drive.
 
 use crate::control::{ControlStatus, StepError};
@@ -21,7 +24,7 @@ enumeration! {
     /// Outcome of a drive: the same word in text, JSON, page and exit status.
     pub enum Outcome {
         TimedOut = 0 "timed_out", "The duration was over before the road's end, on the road until then";
-        Completed = 1 "completed", "The road was driven to its end, within the lane all the way";
+        Completed = 1 "completed", "The road was driven to its end, within the lane from where the vehicle was in it";
         Stopped = 2 "stopped", "The vehicle came to a stop before the road's end, within its lane";
         Lost = 3 "lost", "The vehicle left its lane, rolled over, jack-knifed, or could not be driven on";
     }
@@ -102,6 +105,8 @@ pub struct Ending {
     pub place: Place,
     /// Place at which it left its lane first.
     pub departure: Option<Place>,
+    /// The first place of a vehicle that began beside its lane, and the one at which it came in.
+    pub entered_late: Option<[Place; 2]>,
     /// Limits of the lane.
     pub limits: LaneLimits,
     /// Length of the road, m.
@@ -145,17 +150,28 @@ impl Ending {
             End::GivenUp => "the drive was given up".to_owned(),
             End::Failed(error) => error.to_string(),
         };
-        let Some(at) = self.departure else { return end };
+        let entered = self.entered_late.map_or(String::new(), |[first, entered]| {
+            format!("; it began {}, and was in its lane from {:.2} s on", self.beside(&first), entered.time)
+        });
+        let Some(at) = self.departure else { return end + &entered };
+        let left = self.beside(&at);
+        format!(
+            "the vehicle was {left}, at {:.2} s and station {:.0} m; later {end}{entered}",
+            at.time, at.station
+        )
+    }
+
+    /// Words for a place out of the lane.
+    fn beside(&self, at: &Place) -> String {
         let LaneLimits { lateral_error, heading_error } = self.limits;
-        let left = if at.lateral_error.abs() > lateral_error {
+        if at.lateral_error.abs() > lateral_error {
             let side = if at.lateral_error > 0.0 { "left" } else { "right" };
             format!("{:.2} m {side} of its path, beyond the lane's {lateral_error} m", at.lateral_error.abs())
         } else if at.heading_error.abs() > heading_error {
             format!("turned by {:.2} rad from its path, beyond {heading_error} rad", at.heading_error.abs())
         } else {
             "back beyond the start of its road".to_owned()
-        };
-        format!("the vehicle was {left}, at {:.2} s and station {:.0} m; later {end}", at.time, at.station)
+        }
     }
 }
 
@@ -171,6 +187,9 @@ pub(super) struct Referee {
     driven: f64,
     /// True once the vehicle was within its lane: one placed beside it has to come in first.
     entered: bool,
+    /// First place of a vehicle that began beside its lane, and the one at which it came in.
+    began: Option<Place>,
+    entered_late: Option<[Place; 2]>,
     departure: Option<Place>,
     /// Time since which the vehicle stands.
     standing: Option<f64>,
@@ -185,6 +204,8 @@ impl Referee {
             place: None,
             driven: 0.0,
             entered: false,
+            began: None,
+            entered_late: None,
             departure: None,
             standing: None,
         }
@@ -215,8 +236,13 @@ impl Referee {
             && place.heading_error.abs() <= self.limits.heading_error
             && self.driven >= -END_TOLERANCE;
         if inside {
+            if !self.entered {
+                self.entered_late = self.began.map(|began| [began, place]);
+            }
             self.entered = true;
-        } else if self.entered && self.departure.is_none() {
+        } else if !self.entered {
+            self.began = self.began.or(Some(place));
+        } else if self.departure.is_none() {
             self.departure = Some(place);
         }
         let since = self.standing.unwrap_or(place.time);
@@ -248,8 +274,8 @@ impl Referee {
             End::Standing { .. } => Outcome::Stopped,
             End::Duration => Outcome::TimedOut,
         };
-        let Self { limits, length, driven, .. } = *self;
-        Ending { outcome, end, place, departure, limits, length, driven }
+        let Self { limits, length, driven, entered_late, .. } = *self;
+        Ending { outcome, end, place, departure, entered_late, limits, length, driven }
     }
 }
 
@@ -299,7 +325,13 @@ mod tests {
     #[test]
     fn a_start_beside_the_lane_has_to_come_in() {
         let comes = driven(100, |s| [s, (3.0 - 0.1 * s).max(0.0), 0.0]);
-        assert_eq!(comes.ending(End::Duration).outcome, Outcome::TimedOut);
+        let comes = comes.ending(End::Duration);
+        assert_eq!(comes.outcome, Outcome::TimedOut);
+        let said = comes.reason();
+        assert!(
+            said.contains("it began 3.00 m left of its path") && said.contains("from 1.00 s on"),
+            "{said}"
+        );
         let stays = driven(100, |s| [s, 3.0, 0.0]);
         assert_eq!(stays.ending(End::Duration).outcome, Outcome::Lost);
     }

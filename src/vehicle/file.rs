@@ -24,6 +24,27 @@ pub struct ParameterDeclaration<V> {
     pub(super) set: fn(&mut V, f64),
 }
 
+/// Range of a number of a table by its name, for a second owner of the same quantity: a range is written once.
+///
+/// # Panics
+/// While compiling: there is no number of that name.
+pub(crate) const fn range_of<V>(table: &[ParameterDeclaration<V>], name: &str) -> (f64, f64) {
+    let wanted = name.as_bytes();
+    let mut index = 0;
+    while index < table.len() {
+        let found = table[index].name.as_bytes();
+        let mut same = if found.len() == wanted.len() { 0 } else { usize::MAX };
+        while same < wanted.len() && found[same] == wanted[same] {
+            same += 1;
+        }
+        if same == wanted.len() {
+            return table[index].range;
+        }
+        index += 1;
+    }
+    panic!("no number of that name")
+}
+
 impl<V> ParameterDeclaration<V> {
     /// The parameter's value.
     #[must_use]

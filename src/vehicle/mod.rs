@@ -58,6 +58,7 @@ pub use effects::{
     Effect, EffectOutOfRange, Effects, NO_RATE_LIMIT, Stage, TrailerEffects, TruckEffects, UnknownEffect,
 };
 pub use explain::{Explanation, effect_like};
+pub(crate) use file::range_of;
 pub use file::{ParameterDeclaration, VehicleError, VehicleKind, VehicleParameters};
 pub use parameters::{
     Air, Axle, Body, Brake, CarParameters, GRAVITY, Pair, Powertrain, SingleTrack, Steering, builtin,

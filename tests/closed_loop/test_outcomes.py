@@ -20,6 +20,7 @@ from outcome import (
     Place,
     Referee,
     Requirement,
+    check_files,
     exit_status,
     figures_help,
     write_whole,
@@ -53,7 +54,9 @@ def test_a_road_is_completed_only_within_its_lane():
     assert driven(100, heading=lambda s: 1.1 if s > 50 else 0.0).ending(COMPLETED, "").outcome == LOST
     assert driven(100, lambda s: 0.3, lane=0.2).ending(COMPLETED, "").outcome == LOST
     # A start beside the lane has to come in.
-    assert driven(100, lambda s: max(0.0, 3.0 - 0.1 * s)).ending(COMPLETED, "").outcome == COMPLETED
+    comes = driven(100, lambda s: max(0.0, 3.0 - 0.1 * s)).ending(COMPLETED, "the road was driven to its end")
+    assert comes.outcome == COMPLETED and comes.entered_late.time == 1.0
+    assert "it began 3.00 m left of its path" in comes.reason and "from 1.00 s on" in comes.reason
     assert driven(100, lambda s: 3.0).ending(TIMED_OUT, "").outcome == LOST
 
 
@@ -72,6 +75,24 @@ def test_exit_statuses_are_those_of_the_program():
     assert [exit_status(word, cut=False) for word in (COMPLETED, STOPPED, LOST, TIMED_OUT)] == [0, 3, 4, 5]
     assert exit_status(TIMED_OUT, cut=True) == 0 and exit_status(LOST, cut=True) == 4
     assert exit_status(COMPLETED, cut=False, met=False) == 6
+    # What a test asks for does not fail it.
+    for outcome in (COMPLETED, STOPPED, LOST, TIMED_OUT):
+        assert [exit_status(outcome, False, met, asked=True) for met in (True, False)] == [0, 6]
+    assert Requirement("outcome=stopped").asks_for(STOPPED) and not Requirement("max_e1=1").asks_for(STOPPED)
+
+
+def test_a_file_is_not_written_twice_nor_over_one_that_is_read(tmp_path):
+    road, link, log = tmp_path / "road.csv", tmp_path / "link.csv", tmp_path / "log.csv"
+    road.write_text("x,y\n")
+    link.symlink_to(road)
+    read = {"--path": road, "--vehicle": "c_class"}
+    check_files({"--log": log, "--json": tmp_path / "new" / "log.csv", "--junit": None}, read)
+    check_files({"--log": Path("/dev/null"), "--json": Path("/dev/null")}, read)
+    for file in (road, link, tmp_path / "." / "road.csv"):
+        with pytest.raises(ValueError, match=r"--log .* is the file of --path"):
+            check_files({"--log": file}, read)
+    with pytest.raises(ValueError, match="--log and --json are one file"):
+        check_files({"--log": log, "--json": tmp_path / "x" / ".." / "log.csv"}, read)
 
 
 def test_figures_are_those_of_the_program(rfl):

@@ -111,6 +111,11 @@ def test_master_drives_and_logs(fmus, paths, tmp_path):
         (["--set", "mpc.q_e1"], ["NAME=VALUE"]),
         (["--set", "mpc.q_e1=-1e9"], ["mpc.q_e1", "range"]),
         (["--set", "vehicle.mass=heavy"], ["vehicle.mass", "heavy"]),
+        (["--step", "0"], ["--step 0", "0.001 and 0.2 s"]),
+        (["--step", "nan"], ["--step nan", "0.001 and 0.2 s"]),
+        (["--step", "1e-9"], ["--step 1e-09", "0.001 and 0.2 s"]),
+        (["--lane", "0"], ["--lane 0", "m"]),
+        (["--log", "one.csv", "--json", "one.csv"], ["--log and --json are one file"]),
     ],
 )
 def test_master_explains_what_is_wrong(fmus, arguments, words):

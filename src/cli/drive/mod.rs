@@ -20,8 +20,8 @@ pub(super) use model::{MODELS, ModelArgs};
 pub(super) use setup::{Setup, number, setting};
 pub use stepwise::Stepwise;
 
+use super::files::{check_files, given};
 use super::logs::LimitArgs;
-use super::output::check_writable;
 use super::progress_bar;
 use super::require::{Requirement, figures_help};
 use super::vehicle::{Commanded, VehicleLinearModel, by_kind};
@@ -56,7 +56,7 @@ pub struct DriveArgs {
     /// Longest drive in s of simulated time; a drive that it cuts on the road is a success [default: 1800, which is none]
     #[arg(long)]
     duration: Option<f64>,
-    /// Communication step in s
+    /// Communication step in s, 0.001 to 0.2
     #[arg(long, default_value_t = 0.02)]
     step: f64,
     /// Controller file (from rfl tune); what is set beside it counts more
@@ -89,6 +89,10 @@ pub struct DriveArgs {
 
 /// Default time, s, after which a drive is given up.
 const LONGEST: f64 = 1800.0;
+/// Range of the communication step, s: that of a controller's sample time.
+const STEP: (f64, f64) = (0.001, 0.2);
+/// Longest drive, s: a day.
+const LONGEST_DURATION: f64 = 86_400.0;
 
 fn after_help() -> String {
     format!(
@@ -98,7 +102,7 @@ fn after_help() -> String {
 
 Exit status: 0 completed, or on the road when the --duration given was over; 1 bad input or a failure; 2 wrong usage;
 3 stopped before the road's end; 4 lost: off its lane, rolled over, jack-knifed, or it could not be driven on;
-5 timed out after {LONGEST} s; 6 a requirement is not met. Log, JSON and JUnit file are written in each case from 3 on.",
+5 timed out after {LONGEST} s; 6 a requirement is not met. An outcome that --require outcome=... asks for is 0. Log, JSON and JUnit file are written in each case from 3 on.",
         figures_help()
     )
 }
@@ -131,6 +135,39 @@ pub struct DriveResult {
     pub status: u8,
 }
 
+impl DriveArgs {
+    /// Checks the numbers against their ranges.
+    fn check_numbers(&self) -> Result<(), String> {
+        let numbers = [
+            ("--step", Some(self.step), STEP, "the controller is called once a step"),
+            ("--duration", self.duration, (STEP.0, LONGEST_DURATION), "the time that is driven at most"),
+        ];
+        for (name, value, (least, most), meaning) in numbers {
+            if let Some(value) = value.filter(|value| !(least..=most).contains(value)) {
+                return Err(format!("{name} {value}: give a time between {least} and {most} s ({meaning})"));
+            }
+        }
+        if !(self.lane.is_finite() && self.lane > 0.0) {
+            return Err(format!("--lane {}: give a width in m that is greater than 0", self.lane));
+        }
+        Ok(())
+    }
+
+    /// Checks the files that are written.
+    fn check_files(&self) -> Result<(), Box<dyn Error>> {
+        let vehicle = Some(PathBuf::from(&self.vehicle));
+        check_files(
+            &given([("--log", &self.log), ("--json", &self.json), ("--junit", &self.junit)]),
+            &given([
+                ("--path", &self.path),
+                ("--controller", &self.controller),
+                ("--residual", self.model.file()),
+                ("--vehicle", &vehicle),
+            ]),
+        )
+    }
+}
+
 /// Runs the command.
 ///
 /// # Errors
@@ -144,13 +181,8 @@ pub fn run(args: &DriveArgs) -> Result<u8, Box<dyn Error>> {
 /// # Errors
 /// As [`run`].
 pub fn driven(args: &DriveArgs) -> Result<DriveResult, Box<dyn Error>> {
-    let positive = |value: f64| value.is_finite() && value > 0.0;
-    if !(positive(args.step) && args.duration.is_none_or(positive) && positive(args.lane)) {
-        return Err("--step, --duration and --lane must be positive".into());
-    }
-    for file in [&args.log, &args.json, &args.junit].into_iter().flatten() {
-        check_writable(file)?;
-    }
+    args.check_numbers()?;
+    args.check_files()?;
     by_kind!(&args.vehicle, drive(args))
 }
 
@@ -159,6 +191,7 @@ pub fn driven(args: &DriveArgs) -> Result<DriveResult, Box<dyn Error>> {
 /// # Errors
 /// As [`run`].
 pub fn controller(args: &DriveArgs) -> Result<Box<dyn Stepwise>, Box<dyn Error>> {
+    args.check_numbers()?;
     by_kind!(&args.vehicle, controller_of(args))
 }
 

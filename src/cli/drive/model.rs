@@ -56,6 +56,11 @@ impl ModelArgs {
         Ok(choice.prediction_model(parameters)?)
     }
 
+    /// The file of the model, if it is named.
+    pub fn file(&self) -> &Option<PathBuf> {
+        &self.residual
+    }
+
     /// True if the model was learned, at a sample time of its own.
     pub fn is_learned(&self) -> bool {
         self.variant.is_learned() || self.residual.is_some()

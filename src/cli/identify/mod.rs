@@ -14,8 +14,9 @@ mod step;
 
 use super::diagnose::steady_steering;
 use super::drive::Setup;
+use super::files::{check_files, given};
 use super::logs::{LogArgs, ReadsLogs};
-use super::output::{check_writable, write_json};
+use super::output::write_json;
 use super::vehicle::{Commanded, by_kind};
 use crate::control::ControlledParameters;
 use crate::log::{Finding, SteeringLog};
@@ -122,9 +123,13 @@ impl ReadsLogs for IdentifyArgs {
 /// # Errors
 /// As [`run`].
 pub fn identified(args: &IdentifyArgs) -> Result<Value, Box<dyn Error>> {
-    if let Some(file) = &args.json {
-        check_writable(file)?;
-    }
+    let written = given([("--into", &args.into), ("--record", &args.record), ("--json", &args.json)]);
+    let logs: Vec<_> = args.logs.iter().map(|log| ("LOG", log)).collect();
+    check_files(&written, &logs)?;
+    let vehicle = args.vehicle.as_ref().map(PathBuf::from);
+    // A vehicle's file may be completed in its place.
+    let results = given([("--record", &args.record), ("--json", &args.json)]);
+    check_files(&results, &given([("--vehicle", &vehicle)]))?;
     let into = args.into.as_ref().filter(|file| file.exists());
     let name = match (&args.vehicle, into) {
         (Some(name), _) => name.clone(),

@@ -18,8 +18,9 @@ pub(super) use coverage::shown_by;
 pub(super) use fit::{followed_by, head, line};
 
 use super::drive::MODELS;
+use super::files::check_files;
 use super::logs::{LogArgs, ReadsLogs};
-use super::output::{check_writable, hold_folder, write_json};
+use super::output::{hold_folder, write_json};
 use super::progress::Bar;
 use super::vehicle::{Commanded, by_kind, controller_with, vehicle_named};
 use super::{NOT_BETTER, named, progress_bar};
@@ -165,9 +166,13 @@ fn learn_all<P, const S: usize, const C: usize>(args: &TrainArgs) -> Result<Trai
 where
     P: Commanded<S, C, Effects: Sync, Nominal: Sync>,
 {
-    for file in jobs(args).iter().map(|(_, file)| file).chain(&args.json) {
-        check_writable(file)?;
-    }
+    let models = jobs(args).into_iter().map(|(_, file)| ("--out", file));
+    let written: Vec<_> = models.chain(args.json.clone().map(|file| ("--json", file))).collect();
+    let mut read: Vec<_> = args.logs.iter().map(|log| ("LOG", log.clone())).collect();
+    read.extend(args.test.iter().map(|log| ("--test", log.clone())));
+    read.extend(args.path.clone().map(|file| ("--path", file)));
+    read.push(("--vehicle", PathBuf::from(&args.vehicle)));
+    check_files(&written, &read)?;
     let _held = args.all.as_deref().map(hold_folder).transpose()?;
     let parameters = controller::<P, S, C>(args)?;
     let logs = TrainLogs::<P, S, C>::read(args, &parameters)?;

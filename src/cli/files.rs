@@ -1,0 +1,108 @@
+//! Files of a command: what it writes must be no file that it reads or writes beside.
+
+use super::output::check_writable;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+
+/// A file with the option that names it.
+pub(super) type Named<F> = (&'static str, F);
+
+/// Checks the files that a command writes, before its work: each can be written, and is none of the others, nor one that
+/// the command reads. Of `read`, names that are no files here are passed over.
+///
+/// # Errors
+/// The file with its fault.
+pub(super) fn check_files<W: AsRef<Path>, R: AsRef<Path>>(
+    written: &[Named<W>],
+    read: &[Named<R>],
+) -> Result<(), Box<dyn Error>> {
+    for (index, (option, file)) in written.iter().enumerate() {
+        let file = file.as_ref();
+        check_writable(file)?;
+        let Some(place) = place_of(file) else { continue };
+        let same = |other: &Path| place_of(other).is_some_and(|other| is_same(&place, &other));
+        let file = file.display();
+        if let Some((other, _)) = written[..index].iter().find(|(_, other)| same(other.as_ref())) {
+            return Err(format!("{other} and {option} are one file, {file}: name two").into());
+        }
+        if let Some((other, _)) =
+            read.iter().find(|(_, other)| other.as_ref().is_file() && same(other.as_ref()))
+        {
+            return Err(format!(
+                "{option} {file} is the file of {other}, and would be written over: name another"
+            )
+            .into());
+        }
+    }
+    Ok(())
+}
+
+/// The files that are given, of options that need not be.
+pub(super) fn given<const N: usize>(options: [Named<&Option<PathBuf>>; N]) -> Vec<Named<&Path>> {
+    options.into_iter().filter_map(|(option, file)| Some((option, file.as_deref()?))).collect()
+}
+
+/// The place of a file, whatever way leads there; none of a pipe or a device, which may be written twice.
+fn place_of(file: &Path) -> Option<PathBuf> {
+    if let Ok(place) = std::fs::canonicalize(file) {
+        return place.is_file().then_some(place);
+    }
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    // A folder that is still to be made has no links.
+    let folder = std::fs::canonicalize(folder).or_else(|_| std::path::absolute(folder)).ok()?;
+    Some(folder.join(file.file_name()?))
+}
+
+#[cfg(unix)]
+fn is_same(a: &Path, b: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt as _;
+    let number = |file: &Path| std::fs::metadata(file).ok().map(|what| (what.dev(), what.ino()));
+    a == b || number(a).is_some_and(|of_a| number(b) == Some(of_a))
+}
+
+#[cfg(not(unix))]
+fn is_same(a: &Path, b: &Path) -> bool {
+    a == b
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_not_written_twice_nor_over_one_that_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let (road, log, deep) = (at("road.csv"), at("log.csv"), at("new/log.csv"));
+        std::fs::write(&road, "x,y\n").unwrap();
+        let around = folder.path().join("./road.csv");
+        let refused = |written: &[Named<&Path>]| {
+            check_files(written, &[("--path", &*road), ("--vehicle", Path::new("c_class"))])
+                .map_err(|error| error.to_string())
+                .err()
+                .unwrap_or_default()
+        };
+        assert_eq!(refused(&[("--log", &log), ("--json", &deep)]), "");
+        for file in [&road, &around] {
+            let said = refused(&[("--log", file)]);
+            assert!(said.contains("--log") && said.contains("the file of --path"), "{said}");
+        }
+        for file in [&log, &deep] {
+            let said = refused(&[("--log", file), ("--json", file)]);
+            assert!(said.starts_with("--log and --json are one file"), "{said}");
+        }
+        let null = Path::new("/dev/null");
+        if null.exists() {
+            assert_eq!(refused(&[("--log", null), ("--json", null)]), "");
+        }
+        #[cfg(unix)]
+        {
+            let [soft, hard] = ["soft.csv", "hard.csv"].map(at);
+            std::os::unix::fs::symlink(&road, &soft).unwrap();
+            std::fs::hard_link(&road, &hard).unwrap();
+            for file in [&soft, &hard] {
+                assert!(refused(&[("--json", file)]).contains("written over"));
+            }
+        }
+    }
+}

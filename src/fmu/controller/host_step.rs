@@ -1,0 +1,71 @@
+//! A host whose steps are longer than the controller's sample time: the step becomes the sample time.
+//!
+//! Each command is held for a whole step of the host. A controller that predicts shorter ones steers against what does
+//! not come, and leaves its road. So it is made anew for the host's step, in the middle of the drive if need be:
+//!
+//! | prediction | on a longer step |
+//! |---|---|
+//! | nominal, actuator, adaptive, nonlinear | the same, sampled at the step |
+//! | learned: of one sample time | the adaptive one without the learned model, and a warning |
+//!
+//! Beyond the range of `mpc.sample_time` its largest value holds, and a warning says so.
+
+use super::{ControllerUnit, Running, failed};
+use crate::control::{ControllerFor, MpcParameters, PredictionModelFor, Sampler};
+use crate::fmi::{Log, ModelError, Severity};
+use crate::parameter::ParameterGroup as _;
+
+impl<U: ControllerUnit<S>, const S: usize> Running<U, S> {
+    /// Takes a longer step of the host as the sample time. A shorter one later changes nothing.
+    pub(super) fn keep_up_with(&mut self, time: f64, step: f64, log: &mut dyn Log) -> Result<(), ModelError> {
+        let largest = largest_sample_time();
+        let sample_time = step.min(largest);
+        let longer = Sampler::is_outpaced(sample_time, self.controller.parameters().mpc.sample_time);
+        let too_long = Sampler::is_outpaced(step, largest) && !std::mem::replace(&mut self.told, true);
+        if longer {
+            self.controller = self.resampled(sample_time)?;
+        }
+        if !longer && !too_long {
+            return Ok(());
+        }
+        let mut severity = Severity::Info;
+        let own = self.sample_time;
+        let mut text = format!(
+            "t = {time} s: the host's step, {step} s, is longer than mpc.sample_time, {own} s: the controller computes once \
+             a step, and predicts with a sample time of {sample_time} s"
+        );
+        if self.variant.is_learned() {
+            severity = Severity::Warning;
+            let variant = self.variant.name();
+            text += &format!(
+                "; the learned model of the variant {variant} is of {own} s and is left out: make the host's step {own} s \
+                 to drive with it"
+            );
+        }
+        if too_long {
+            severity = Severity::Warning;
+            text += &format!(
+                "; no sample time is longer, what it predicts does not come, and the vehicle may leave the road: make the \
+                 host's step {largest} s or shorter"
+            );
+        }
+        log.log(severity, "control", &text);
+        Ok(())
+    }
+
+    /// The controller at another sample time, s.
+    pub(super) fn resampled(&self, sample_time: f64) -> Result<ControllerFor<U, S>, ModelError> {
+        let model = if self.variant.is_learned() && sample_time != self.sample_time {
+            PredictionModelFor::Adaptive(self.controller.parameters().actuator.actuator())
+        } else {
+            self.model.clone()
+        };
+        self.controller.resampled(sample_time, model).map_err(failed)
+    }
+}
+
+/// The largest value of `mpc.sample_time`, s.
+fn largest_sample_time() -> f64 {
+    let of_table = MpcParameters::table().iter().find(|parameter| parameter.name == "mpc.sample_time");
+    of_table.map_or(f64::INFINITY, |parameter| parameter.max)
+}

@@ -1,0 +1,230 @@
+//! Hosts whose steps are longer than the controller's sample time: the vehicle stays on its road, and the host is told.
+
+use rfl_mpc::control::SHOWN_HORIZON;
+use rfl_mpc::fmi::{Context, Log, Model, ModelError, Severity, Value, Values};
+use rfl_mpc::fmu::{PassengerCar, RflMpc, SemiTrailerTruck, TruckRflMpc};
+use rfl_mpc::path::{RandomRoad, write_csv};
+use std::path::{Path, PathBuf};
+
+#[derive(Default)]
+struct Messages(Vec<(Severity, String)>);
+
+impl Log for Messages {
+    fn log(&mut self, severity: Severity, _category: &'static str, message: &str) {
+        self.0.push((severity, message.to_string()));
+    }
+}
+
+/// A model with its values, as an instance has them.
+struct Unit<M> {
+    model: M,
+    values: Values,
+    log: Messages,
+}
+
+impl<M: Model> Unit<M> {
+    fn new(settings: &[(&str, Value)]) -> Self {
+        let values = Values::starting_from(&M::declaration().variables);
+        let mut unit = Self { model: M::new(), values, log: Messages::default() };
+        settings.iter().for_each(|(name, value)| unit.set(name, value.clone()));
+        unit
+    }
+
+    fn vr(name: &str) -> usize {
+        M::declaration().find(name).unwrap_or_else(|| panic!("there is no variable {name}"))
+    }
+
+    fn set(&mut self, name: &str, value: Value) {
+        let vr = Self::vr(name);
+        self.values.set_by_host(vr, &M::declaration().variables[vr], value);
+    }
+
+    fn real(&self, name: &str) -> f64 {
+        self.values.real(Self::vr(name))
+    }
+
+    fn initialize(&mut self) -> Result<(), ModelError> {
+        self.model.initialize(&mut self.values, 0.0, &Context::default(), &mut self.log)
+    }
+
+    fn step(&mut self, time: f64, step: f64) -> Result<(), ModelError> {
+        self.model.step(&mut self.values, time, step, &mut self.log)
+    }
+}
+
+/// A controller and a vehicle in a host.
+struct Host<C, P> {
+    controller: Unit<C>,
+    plant: Unit<P>,
+    time: f64,
+    /// References of what the host passes on: signals of the vehicle, inputs of the controller.
+    measured: Vec<(usize, usize)>,
+    commands: Vec<(usize, usize)>,
+    /// Largest lateral error, m.
+    worst: f64,
+}
+
+impl<C: Model, P: Model> Host<C, P> {
+    fn new(road: &Path, vehicle: &str, settings: &[(&str, Value)]) -> Self {
+        let text = |text: &str| Value::String(text.to_owned());
+        let (road, vehicle) = (text(road.to_str().unwrap()), text(vehicle));
+        let mut controller =
+            Unit::<C>::new(&[("path_file", road.clone()), ("vehicle_file", vehicle.clone())]);
+        settings.iter().for_each(|(name, value)| controller.set(name, value.clone()));
+        controller.initialize().unwrap();
+        let mut plant = Unit::<P>::new(&[("road_file", road), ("vehicle_file", vehicle)]);
+        for (name, start) in [("x", "x"), ("y", "y"), ("yaw", "yaw"), ("vx", "speed")] {
+            plant.set(&format!("initial.{name}"), Value::Real(controller.real(&format!("start.{start}"))));
+        }
+        plant.initialize().unwrap();
+        let names = ["x", "y", "yaw", "vx", "vy", "yaw_rate", "steer", "articulation", "articulation_rate"];
+        let pair =
+            |from: &dyn Fn(&str) -> Option<usize>, to: &dyn Fn(&str) -> Option<usize>, names: &[&str]| {
+                names.iter().filter_map(|name| Some((from(name)?, to(name)?))).collect::<Vec<_>>()
+            };
+        let (of_c, of_p) = (C::declaration(), P::declaration());
+        let (of_c, of_p) = (|name: &str| of_c.find(name), |name: &str| of_p.find(name));
+        let measured = pair(&of_p, &of_c, &names);
+        let commands = pair(&of_c, &of_p, &["steer_cmd", "accel_cmd"]);
+        Self { controller, plant, time: 0.0, measured, commands, worst: 0.0 }
+    }
+
+    fn step(&mut self, step: f64) {
+        let Self { controller, plant, .. } = self;
+        for &(from, to) in &self.measured {
+            controller.values.set_real(to, plant.values.real(from));
+        }
+        controller.step(self.time, step).unwrap();
+        self.worst = self.worst.max(controller.real("e1").abs());
+        for &(from, to) in &self.commands {
+            plant.values.set_real(to, controller.values.real(from));
+        }
+        plant.step(self.time, step).unwrap();
+        self.time += step;
+    }
+
+    /// Drives to the road's end with steps by their number; at most three minutes.
+    fn drive(&mut self, step: impl Fn(u32) -> f64) -> bool {
+        let finished = Unit::<C>::vr("finished");
+        for k in 0.. {
+            self.step(step(k));
+            if self.controller.values.boolean(finished) {
+                return true;
+            }
+            if self.time > 180.0 {
+                break;
+            }
+        }
+        false
+    }
+
+    /// What the host was told of its step.
+    fn told(&self) -> Vec<&(Severity, String)> {
+        self.controller.log.0.iter().filter(|(_, text)| text.contains("mpc.sample_time")).collect()
+    }
+}
+
+fn road(folder: &Path, family: &RandomRoad, seed: u64) -> PathBuf {
+    let file = folder.join(format!("road_{seed}.csv"));
+    write_csv(&file, &family.samples(seed)).unwrap();
+    file
+}
+
+#[test]
+fn a_longer_step_of_the_host_is_the_sample_time() {
+    let folder = tempfile::tempdir().unwrap();
+    for (seed, car) in [(7101, "bmw_320i"), (7102, "vw_vanagon")] {
+        let road = road(folder.path(), &RandomRoad::CAR, seed);
+        for step in [0.02, 0.04, 0.05, 0.1, 0.2] {
+            let mut host = Host::<RflMpc, PassengerCar>::new(&road, car, &[]);
+            assert!(host.drive(|_| step), "{car}, {step} s: {:?}", host.controller.log.0);
+            println!("{car}, road {seed}, {step} s: {:.3} m", host.worst);
+            assert!(host.worst < 0.5, "{car}, {step} s: {} m", host.worst);
+            let told = host.told();
+            assert_eq!(told.len(), usize::from(step > 0.02), "{told:?}");
+            for (severity, text) in told {
+                let said = format!("predicts with a sample time of {step} s");
+                assert!(*severity == Severity::Info && text.contains(&said), "{text}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_truck_stays_on_its_road_in_a_host_with_long_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    let road = road(folder.path(), &RandomRoad::TRUCK, 7103);
+    for step in [0.05, 0.1] {
+        let mut host = Host::<TruckRflMpc, SemiTrailerTruck>::new(&road, "truck_simulation", &[]);
+        assert!(host.drive(|_| step), "{step} s: {:?}", host.controller.log.0);
+        println!("truck, {step} s: {:.3} m", host.worst);
+        assert!(host.worst < 0.5, "{step} s: {} m", host.worst);
+    }
+}
+
+#[test]
+fn steps_that_grow_and_uneven_steps_are_kept_up_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let road = road(folder.path(), &RandomRoad::CAR, 7104);
+    let grow = |k: u32| if k < 500 { 0.02 } else { 0.1 };
+    let uneven = |k: u32| [0.005, 0.07, 0.03, 0.05][k as usize % 4];
+    let tiny_first = |k: u32| if k == 0 { 1e-6 } else { 0.05 };
+    for step in [&grow as &dyn Fn(u32) -> f64, &uneven, &tiny_first] {
+        let mut host = Host::<RflMpc, PassengerCar>::new(&road, "c_class", &[]);
+        assert!(host.drive(step), "{:?}", host.controller.log.0);
+        println!("{:.3} m, {:?}", host.worst, host.told());
+        assert!(host.worst < 0.5, "{} m", host.worst);
+    }
+}
+
+#[test]
+fn a_step_beyond_every_sample_time_is_warned_of_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let road = road(folder.path(), &RandomRoad::CAR, 7105);
+    for settings in [&[][..], &[("mpc.sample_time", Value::Real(0.2))]] {
+        let mut host = Host::<RflMpc, PassengerCar>::new(&road, "c_class", settings);
+        (0..4).for_each(|_| host.step(0.5));
+        let told = host.told();
+        assert!(matches!(told[..], [(Severity::Warning, _)]), "{told:?}");
+        assert!(told[0].1.contains("0.2 s or shorter"), "{told:?}");
+    }
+}
+
+#[test]
+fn a_state_of_a_longer_step_goes_on_bit_for_bit_and_one_of_another_road_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let road_file = road(folder.path(), &RandomRoad::CAR, 7106);
+    let mut host = Host::<RflMpc, PassengerCar>::new(&road_file, "c_class", &[]);
+    (0..40).for_each(|_| host.step(0.05));
+    let (mut of_controller, mut of_plant) = (Vec::new(), Vec::new());
+    host.controller.model.save(&mut of_controller);
+    host.plant.model.save(&mut of_plant);
+
+    let mut other = Host::<RflMpc, PassengerCar>::new(&road_file, "c_class", &[]);
+    other.controller.model.restore(&of_controller).unwrap();
+    other.plant.model.restore(&of_plant).unwrap();
+    other.controller.values = host.controller.values.clone();
+    other.plant.values = host.plant.values.clone();
+    other.time = host.time;
+    for _ in 0..100 {
+        host.step(0.05);
+        other.step(0.05);
+        for name in ["steer_cmd", "accel_cmd", &format!("predicted.e1[{SHOWN_HORIZON}]")] {
+            assert_eq!(host.controller.real(name), other.controller.real(name), "{name}");
+        }
+        assert_eq!(host.plant.real("x"), other.plant.real("x"));
+    }
+
+    // The same name, another road.
+    write_csv(&road_file, &RandomRoad::CAR.samples(7107)).unwrap();
+    let mut changed = Host::<RflMpc, PassengerCar>::new(&road_file, "c_class", &[]);
+    let refused = [
+        (changed.controller.model.restore(&of_controller), "path_file"),
+        (changed.plant.model.restore(&of_plant), "road_file"),
+    ];
+    for (result, word) in refused {
+        let message = result.unwrap_err().to_string();
+        assert!(message.contains("another road") && message.contains(word), "{message}");
+    }
+    changed.step(0.02);
+}
