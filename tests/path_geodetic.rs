@@ -75,7 +75,10 @@ fn metres_come_first_and_what_lies_nowhere_is_refused() {
     let mut rows = circle(48.0, 11.0, 8);
     rows[7][0] = "95.1".into();
     let error = read("lat,lon", &rows, [0, 1], ",").err().unwrap();
-    assert!(error.contains("line 9") && error.contains("latitude") && error.contains("degrees"), "{error}");
+    assert!(
+        error.contains("line 9") && error.contains("column `lat`") && error.contains("degrees"),
+        "{error}"
+    );
     let error = parse("lat,y\n48,1\n48,2\n48,3\n").err().unwrap();
     assert!(error.contains('x'), "{error}");
 }

@@ -1,10 +1,10 @@
 //! Checks of a road's points: repairs, refusals, closure.
 
+use super::accuracy::Accuracy;
 use super::draw::{Outline, tightest};
 use super::error::{InputPlace, PathError};
 use super::noise::{PointNoise, middle};
 use super::note::Note;
-use super::read::Accuracy;
 use super::sample::{Closure, PathOptions, RoadClass, Sample, Smoothing};
 use super::spline::{QuinticSpline, Vector, distance};
 use super::stops::{WIDTHS, usual_spacing, without_stops};

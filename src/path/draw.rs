@@ -1,9 +1,9 @@
 //! The curve of a road whose points are checked: from their headings, near them, or through them.
 
+use super::accuracy::Accuracy;
 use super::error::{InputPlace, PathError};
-use super::noise::{PointNoise, SLIGHT, curvature_error, rounding_error};
+use super::noise::{ABOUT, PointNoise, SLIGHT, curvature_error, rounding_error};
 use super::note::Note;
-use super::read::Accuracy;
 use super::sample::{Sample, Smoothing};
 use super::smooth::{Goal, smooth};
 use super::spline::{Knot, QuinticSpline, Vector, distance};
@@ -66,7 +66,7 @@ impl Outline<'_> {
             // Unless the file's own accuracy is about that of its points.
             Some(noise)
                 if !matches!(smoothing, Smoothing::Within(_))
-                    && tolerance.is_none_or(|known| noise.rms() > 1.5 * known) =>
+                    && tolerance.is_none_or(|known| noise.rms() > ABOUT * known) =>
             {
                 let why = match noise.step {
                     Some(step) => format!(

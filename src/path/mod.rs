@@ -41,11 +41,13 @@
 //! | `project.rs` | the nearest point, with a hint and without |
 //! | `speed.rs` | a speed plan within lateral and longitudinal limits |
 //! | `read.rs`, `write.rs` | files |
+//! | `accuracy.rs`, `lap.rs` | digits of coordinates; laps of a log |
 //! | `segment.rs`, `pen.rs` | roads drawn exactly from straights, arcs and clothoids |
 //! | `sudoku.rs`, `truck_course.rs` | our own courses |
 //! | `random.rs` | roads by the seed, to be searched and examined on |
 //! | `error.rs` | errors of a road |
 
+mod accuracy;
 mod banded;
 mod check;
 mod draw;
@@ -152,7 +154,7 @@ impl Path {
     /// # Errors
     /// As [`Path::from_samples`], and for a smoothing tolerance that is none.
     pub fn from_samples_with(samples: Vec<Sample>, options: &PathOptions) -> Result<Self, PathError> {
-        Ok(Self::from_road(check::check(samples, options, read::Accuracy::Exact)?))
+        Ok(Self::from_road(check::check(samples, options, accuracy::Accuracy::Exact)?))
     }
 
     /// Reads a path from a CSV file: ours, the racetrack-database format, or a driven lap (`x_m,y_m,v_driven_mps`).

@@ -41,8 +41,10 @@ const CURVATURE: f64 = 0.005;
 const CHANGES: f64 = 0.4;
 /// Fewest points to tell noise by.
 const POINTS: usize = 30;
-/// Share of a step's rounding error that remainders of rounded points have at least: a road along an axis hides some.
+/// Share of a step's rounding error that remainders of rounded points have at least, where there are any.
 const ROUNDED: f64 = 0.5;
+/// Ratio of a noise to a known accuracy up to which it is that accuracy.
+pub(super) const ABOUT: f64 = 1.5;
 /// Curvature error below which rounding does not matter, in 1/m.
 pub(super) const SLIGHT: f64 = 1e-5;
 
@@ -58,8 +60,12 @@ impl PointNoise {
         let mut half = HALF.0;
         while points.len() >= POINTS.max(2 * half + 2) && half <= HALF.1 {
             let found = Residuals::of(points, half);
-            let sigma = found.scale()?;
-            let rounding = step.map(rounding_error).filter(|rounding| sigma >= ROUNDED * rounding);
+            let sigma = found.scale_above(0.0)?;
+            // On a line along an axis, or between points of the grid, nothing is rounded.
+            let shows = |rounding: &f64| {
+                found.scale_above(1e-6 * rounding).is_some_and(|scale| scale >= ROUNDED * rounding)
+            };
+            let rounding = step.map(rounding_error).filter(shows);
             if found.length < LONG * sigma.max(rounding.unwrap_or(0.0)) {
                 half *= 2;
                 continue;
@@ -67,7 +73,7 @@ impl PointNoise {
             let spacing = found.length / (2 * half) as f64;
             // Of a large noise, rounding is part.
             let noisy = curvature_error(sigma, spacing) > CURVATURE && found.changes() > CHANGES;
-            if noisy && rounding.is_none_or(|rounding| sigma * ROUNDED > rounding) {
+            if noisy && rounding.is_none_or(|rounding| sigma > ABOUT * rounding) {
                 return Some(Self { sigma, step: None, half });
             }
             let rounding = rounding.filter(|&rounding| curvature_error(rounding, spacing) > SLIGHT)?;
@@ -138,8 +144,10 @@ impl Residuals {
         Self { values, length: upper_median(&mut lengths) }
     }
 
-    fn scale(&self) -> Option<f64> {
-        let mut sizes: Vec<f64> = self.values.iter().map(|value| value.abs()).collect();
+    /// Scale of those that are at least so large.
+    fn scale_above(&self, least: f64) -> Option<f64> {
+        let sizes = self.values.iter().map(|value| value.abs());
+        let mut sizes: Vec<f64> = sizes.filter(|size| *size >= least).collect();
         if sizes.len() < POINTS / 2 {
             return None;
         }

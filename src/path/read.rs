@@ -10,6 +10,7 @@
 //! However the table is written ([`crate::table`]), its columns are the same. Names have aliases ([`ALIASES`]) and may
 //! end in a unit, `speed_kmh` or `bank [deg]`.
 
+use super::accuracy::{Accuracy, Decimals, RACETRACK_DATABASE};
 use super::error::{InputPlace, PathError};
 use super::geodetic::{DEGREE, TangentPlane};
 use super::lap::{Progress, Stations};
@@ -217,32 +218,6 @@ pub(super) struct RoadTable {
     pub notes: Vec<Note>,
 }
 
-/// Accuracy of a file's coordinates.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Accuracy {
-    /// Exactly, as far as we know.
-    Exact,
-    /// Written to a digit, in m; none where it is so coarse that the road may have been drawn by hand. All coordinates are
-    /// multiples of a step, in m, that may be coarser.
-    Rounded { digit: Option<f64>, step: f64 },
-    /// Measured, to this RMS distance in m.
-    Measured(f64),
-}
-
-impl Accuracy {
-    /// The step of coordinates in m, where it is coarser than a digit that is known for an accuracy.
-    pub fn coarse_step(self) -> Option<f64> {
-        match self {
-            Self::Rounded { digit, step } if digit.is_none_or(|digit| step > 1.5 * digit) => Some(step),
-            _ => None,
-        }
-    }
-}
-
-/// RMS distance in m from the centre lines of racetrack-database. Its arcs begin and end without a transition, and
-/// through every point the curvature would overshoot there by a fifth.
-const RACETRACK_DATABASE: f64 = 0.02;
-
 fn at_line(line: u64) -> InputPlace {
     InputPlace { line: Some(line), ..InputPlace::default() }
 }
@@ -343,54 +318,6 @@ fn lay_on_plane(table: &mut RoadTable) {
         latitude.to_degrees(),
         longitude.to_degrees()
     )));
-}
-
-/// Digits and steps that coordinates are written with.
-#[derive(Default)]
-struct Decimals {
-    most: u32,
-    exponents: bool,
-    /// First x and y in units of the last digit; the greatest common divisor of all distances from them.
-    first: [Option<i128>; 2],
-    divisor: i128,
-}
-
-/// Most decimals that are looked at: a double has no more.
-const DECIMALS: u32 = 15;
-
-impl Decimals {
-    /// Looks at a coordinate's text: of `x` (0) or `y` (1).
-    fn look(&mut self, text: &str, axis: usize) {
-        self.exponents |= text.contains(['e', 'E']);
-        let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
-        self.most = self.most.max(fraction.len().min(DECIMALS as usize) as u32);
-        if self.exponents || fraction.len() > DECIMALS as usize || whole.len() > DECIMALS as usize {
-            self.exponents = true;
-            return;
-        }
-        let digits = format!("{whole}{fraction:0<width$}", width = DECIMALS as usize);
-        let Ok(units) = digits.parse::<i128>() else { return };
-        let first = *self.first[axis].get_or_insert(units);
-        self.divisor = greatest_common_divisor(self.divisor, (units - first).abs());
-    }
-
-    /// The accuracy of coordinates in a unit of so many m. Whole metres and decimetres may have been drawn by hand.
-    fn accuracy(&self, unit: f64) -> Accuracy {
-        if self.exponents || self.most >= DECIMALS {
-            return Accuracy::Exact;
-        }
-        let digit = 0.1f64.powi(self.most as i32);
-        let step = self.divisor as f64 * 0.1f64.powi(DECIMALS as i32);
-        let digit = unit * digit;
-        Accuracy::Rounded {
-            digit: (self.most >= 2).then_some(digit),
-            step: if self.divisor > 0 { unit * step } else { digit },
-        }
-    }
-}
-
-fn greatest_common_divisor(a: i128, b: i128) -> i128 {
-    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
 }
 
 /// The columns that a header names.

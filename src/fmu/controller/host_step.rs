@@ -24,6 +24,8 @@ impl<U: ControllerUnit<S>, const S: usize> Running<U, S> {
         let too_long = Sampler::is_outpaced(step, largest) && !std::mem::replace(&mut self.told, true);
         if longer {
             self.controller = self.resampled(sample_time)?;
+            // Instants are counted in sample times.
+            self.sampler = Sampler::new(time);
         }
         if !longer && !too_long {
             return Ok(());
