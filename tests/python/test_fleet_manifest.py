@@ -129,3 +129,23 @@ def test_a_missing_or_an_empty_folder_is_said(rfl_mpc, manifest, tmp_path):
 def test_a_log_by_itself_is_a_drive_of_its_folder(manifest, tmp_path):
     (tmp_path / "log.csv").write_text("time,steer_cmd,vx\n")
     assert of(manifest.read([tmp_path / "log.csv"])) == [(tmp_path.name, "log.csv")]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("drive.xlsx", "a spreadsheet, not a log; save its sheet as CSV"),
+        ("Drives.ODS", "a spreadsheet, not a log; save its sheet as CSV"),
+        ("week.zip", "an archive, not a log; unpack it"),
+        ("run.mf4", "scripts/import_log.py"),
+    ],
+)
+def test_what_is_no_table_is_refused_with_what_to_do(rfl_mpc, manifest, tmp_path, name, words):
+    (tmp_path / name).write_bytes(b"PK\x03\x04")
+    for given in (tmp_path / name, tmp_path):
+        with pytest.raises(rfl_mpc.RflError, match=words) as error:
+            manifest.read([given])
+        assert name in str(error.value)
+    # Beside logs it is nobody's.
+    (tmp_path / "drive.csv").write_text("time,vx\n")
+    assert of(manifest.read([tmp_path])) == [(tmp_path.name, "drive.csv")]

@@ -20,6 +20,29 @@ if TYPE_CHECKING:
 
 LOGS = (".csv", ".csv.gz", ".parquet")
 """Files that are taken for logs in a folder."""
+FOREIGN = {
+    "a spreadsheet": (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods", ".numbers"),
+    "an archive": (".zip", ".tar", ".tgz", ".tar.gz", ".7z", ".rar"),
+    "a recording of another tool": (
+        ".mf4",
+        ".mdf",
+        ".mat",
+        ".h5",
+        ".hdf5",
+        ".bag",
+        ".db3",
+        ".mcap",
+        ".blf",
+        ".ld",
+        ".vbo",
+    ),
+}
+"""Files that are no table, by their endings."""
+ADVICE = {
+    "a spreadsheet": "save its sheet as CSV and give that",
+    "an archive": "unpack it and give the folder",
+    "a recording of another tool": "scripts/import_log.py makes a log of it",
+}
 COLUMNS = ("log", "vehicle", "time", "vehicle_file", "reference")
 NEEDS = f"a manifest needs the columns log and vehicle, and may have {', '.join(COLUMNS[2:])}"
 
@@ -57,10 +80,13 @@ def read(sources: Sequence[Any]) -> list[Drive]:
         if source.is_dir():
             found = list(_of_folder(source))
             if not found:
-                raise RflError(f"{source}: no log in this folder; logs end with {', '.join(LOGS)}")
+                other = next((words for file in sorted(source.rglob("*")) if (words := _foreign(file))), None)
+                raise RflError(other or f"{source}: no log in this folder; logs end with {', '.join(LOGS)}")
             drives += found
         elif not source.exists():
             raise RflError(f"{source}: no such file or folder")
+        elif words := _foreign(source):
+            raise RflError(words)
         elif (table := _table(source)) is not None:
             drives += _of_table(str(source), source.resolve().parent, table)
         else:
@@ -89,6 +115,13 @@ def _of_folder(folder: Path) -> Iterator[Drive]:
         for name in sorted(names):
             if name.endswith(LOGS) and not name.startswith("."):
                 yield Drive(str(here / name), vehicle, (0.0, _natural(name)), vehicle_file=own)
+
+
+def _foreign(source: Path) -> str | None:
+    """What to do with a file that is no table; None: it may be one."""
+    name = source.name.lower()
+    kind = next((kind for kind, endings in FOREIGN.items() if name.endswith(endings)), None)
+    return kind and f"{source}: {kind}, not a log; {ADVICE[kind]}"
 
 
 def _up(place: Path, top: Path) -> Iterator[Path]:
