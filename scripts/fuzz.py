@@ -50,6 +50,16 @@ panic, more than 1 s or more than 200 MB for one input ends the run; none did. E
 
 | format | inputs | taken | longest | most memory of an input | of the whole process | processor time |
 |---|---|---|---|---|---|---|"""
+KILLS = """\
+
+## Killed commands
+
+By `scripts/kills.py`: each command that writes runs once to its end and is then killed (SIGKILL) at random moments of
+that time, again and again in one folder. After each kill all files there but drafts are read: whole rows, ends,
+checksums. None was taken for good and was not.
+
+| command | kills | before its end | files read |
+|---|---|---|---|"""
 
 
 def program(given: Path | None) -> Path:
@@ -101,6 +111,10 @@ def write(found: dict) -> None:
                 f"| {name}: {words} | {of['inputs']:,} | {of['taken']:,} | {of['longest_ms']:.0f} ms | {memory} | "
                 f"{of['process_kb'] / 1000:.0f} MB | {of['cpu_s']:.0f} s |"
             )
+    killed = found.get("kills", {})
+    if killed:
+        rows.append(KILLS)
+    rows += [f"| `{name}` | {of['kills']} | {of['stopped']} | {of['files']:,} |" for name, of in killed.items()]
     (RESULTS / "fuzzing.md").write_text("\n".join([ABOUT, *rows]) + "\n", encoding="utf-8")
     (RESULTS / "fuzzing.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
