@@ -20,6 +20,7 @@ fn part(log: &CleanLog, rows: std::ops::Range<usize>, elsewhere: f64) -> CleanLo
                 (name, column[rows.clone()].iter().map(|value| value + moved(name)).collect())
             })
             .collect(),
+        coarse: log.coarse.clone(),
         findings: Vec::new(),
         ..log.clone()
     }

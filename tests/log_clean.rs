@@ -400,7 +400,7 @@ fn a_log_without_steering_says_so() {
 }
 
 #[test]
-fn compressed_logs_are_read_and_truncated_ones_refused() {
+fn compressed_logs_are_read_up_to_where_they_are_cut_off_and_damaged_ones_refused() {
     use flate2::{Compression, write::GzEncoder};
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("log.csv.gz");
@@ -410,8 +410,34 @@ fn compressed_logs_are_read_and_truncated_ones_refused() {
     std::fs::write(&file, &bytes).unwrap();
     let log = CleanLog::of(&DriveLog::read(&file).unwrap(), &steering).unwrap();
     assert_eq!(log, CleanLog { ..sound().clean() });
-    std::fs::write(&file, &bytes[..bytes.len() / 2]).unwrap();
-    assert!(DriveLog::read(&file).unwrap_err().to_string().contains("log.csv.gz"));
+    let whole = DriveLog::read(&file).unwrap();
+    let rows = whole.column("time").unwrap().len();
+    // The checksum alone is missing; a half; hardly anything.
+    for (left, least, most) in [(bytes.len() - 4, rows, rows), (bytes.len() / 2, rows / 4, rows - 1)] {
+        std::fs::write(&file, &bytes[..left]).unwrap();
+        let log = DriveLog::read(&file).unwrap();
+        let read = log.column("time").unwrap().len();
+        assert!((least..=most).contains(&read), "{left}: {read} of {rows}");
+        assert!(
+            log.warnings[0].starts_with(&format!("line {}: the packed file is cut off", read + 2)),
+            "{:?}",
+            log.warnings
+        );
+        for (name, values) in log.columns() {
+            let same =
+                values.iter().zip(whole.column(name).unwrap()).all(|(a, b)| a.to_bits() == b.to_bits());
+            assert!(same, "{name}");
+        }
+    }
+    for left in [5, 30] {
+        std::fs::write(&file, &bytes[..left]).unwrap();
+        assert!(DriveLog::read(&file).unwrap_err().to_string().contains("cut off"));
+    }
+    let mut damaged = bytes.clone();
+    damaged[bytes.len() / 2] ^= 0x55;
+    std::fs::write(&file, &damaged).unwrap();
+    let error = DriveLog::read(&file).unwrap_err().to_string();
+    assert!(error.contains("log.csv.gz: line ") && error.contains("pack it again"), "{error}");
     std::fs::write(&file, "time,vx\n0,1\n").unwrap();
     assert!(DriveLog::read(&file).is_err());
 }

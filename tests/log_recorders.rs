@@ -319,3 +319,31 @@ fn a_smoothed_yaw_rate_and_late_places_are_no_cause() {
         assert_eq!(verdict.kind, VerdictKind::None, "{case}: {verdict:?}");
     }
 }
+
+/// A receiver's places while it knows none: it goes on by itself, or along a line, and jumps back.
+#[test]
+fn a_receiver_that_drifts_and_jumps_back_is_left_out_for_that_time() {
+    let (from, to) = (500, 1000);
+    for on_a_line in [false, true] {
+        let mut columns = diagnose::log(7, &[("steer_gain", 1.15)]).columns;
+        let rows = columns["vx"].len();
+        columns.insert("time", (0..rows).map(|row| 0.02 * row as f64).collect());
+        let (yaw, vx) = (columns["yaw"].clone(), columns["vx"].clone());
+        for (name, part) in [("x", f64::cos as fn(f64) -> f64), ("y", f64::sin)] {
+            let places = columns.get_mut(name).unwrap();
+            for row in from..to {
+                let drift = 4e-4 * (row - from) as f64;
+                let heading = if on_a_line { yaw[from] } else { yaw[row] + drift };
+                places[row] = places[row - 1] + 0.02 * 0.98 * vx[row] * part(heading);
+            }
+        }
+        let log = cleaned(columns).unwrap();
+        let words = said(&log.findings, "x", FindingSeverity::Warning);
+        assert!(words.contains("had lost its way") && words.contains("to row 1000"), "{words}");
+        let judged = (from + 100..to).filter(|&row| log.time.get(row).is_some() && log.valid[row]).count();
+        assert_eq!(judged, 0, "{words}");
+        let verdict = diagnose::found(&log, &diagnose::singles()).report.verdict;
+        assert_eq!(verdict.kind, VerdictKind::Effect, "{verdict:?}");
+        assert_eq!(verdict.effects[0].id, "steer_gain", "{verdict:?}");
+    }
+}

@@ -174,3 +174,38 @@ fn a_clock_in_rare_units_is_read_where_the_way_agrees() {
     let error = rows.unwrap_err().to_string();
     assert!(error.contains("one unit of the clock is") && error.contains("e-2 s"), "{error}");
 }
+
+/// `yaw_rate [deg/s]` over numbers in rad/s, and `yaw [deg]` over radians: the other columns tell.
+#[test]
+fn a_unit_that_the_file_names_wrongly_is_found_by_the_other_columns() {
+    let sound = changed(|_| ()).unwrap();
+    let degree = std::f64::consts::PI / 180.0;
+    for (name, dropped) in [
+        ("yaw_rate", &[][..]),
+        ("yaw_rate", &["ay"]),
+        ("yaw_rate", &["yaw", "x", "y"]),
+        ("yaw", &[]),
+        ("yaw", &["ay", "x", "y"]),
+    ] {
+        let mended = changed(|columns| {
+            scale(columns, &[name], degree);
+            columns.retain(|name, _| !dropped.contains(name));
+        })
+        .unwrap();
+        let said = said(&mended.findings);
+        assert!(said.contains(&format!("{name} ")) && mended.suspect().is_none(), "{name}: {said}");
+        let close = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-4 || a.is_nan();
+        assert!(mended.columns[name].iter().zip(&sound.columns[name]).all(close), "{name}: {said}");
+    }
+    // Nothing tells: the turns are too slight to be driven.
+    let alone = changed(|columns| {
+        scale(columns, &["yaw_rate"], degree);
+        columns.retain(|name, _| ["time", "steer_cmd", "vx", "yaw_rate"].contains(name));
+    })
+    .unwrap();
+    assert!(
+        alone.suspect().is_some_and(|finding| finding.summary.contains("yaw_rate")),
+        "{:?}",
+        alone.findings
+    );
+}

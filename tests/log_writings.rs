@@ -241,3 +241,31 @@ fn a_cut_off_last_line_and_a_summary_are_left_out_and_said() {
         );
     }
 }
+
+#[test]
+fn numbers_and_times_as_spreadsheets_and_loggers_show_them_are_read() {
+    let apart = |mark: &'static str, decimal: &'static str| {
+        move |column: usize, value: f64| {
+            let text = plain(column, value);
+            let (whole, part) = text.split_once('.').unwrap();
+            if column == 2 {
+                format!("\"0{mark}0{whole:0>2}{decimal}{part}\"")
+            } else {
+                text.replace('.', decimal)
+            }
+        }
+    };
+    assert_same("thousands by commas", written(&NAMES, ",", "\n", apart(",", ".")).as_bytes());
+    assert_same("thousands by points", written(&NAMES, ";", "\n", apart(".", ",")).as_bytes());
+    assert_same("thousands by hard blanks", written(&NAMES, ";", "\n", apart("\u{a0}", ",")).as_bytes());
+    let minus = |column, value| plain(column, value).replace('-', "\u{2212}");
+    assert_same("a minus of typography", written(&NAMES, ",", "\n", minus).as_bytes());
+    let laps = |whole: i64, part: f64| format!("{}:{:05.2}", whole / 60, (whole % 60) as f64 + part);
+    assert_same("minutes and seconds", written(&NAMES, ",", "\n", stamped(laps, plain)).as_bytes());
+    let parts = |whole: i64, part: f64| format!("0:00:{whole:02}:{:03.0}", 1e3 * part);
+    assert_same("thousandths", written(&NAMES, ",", "\n", stamped(parts, plain)).as_bytes());
+    // Names in a comment, none of them known: the message has them, not the first row.
+    let topics = ["%time", "field.header.seq", "field.speed", "field.gyro.z"];
+    let error = read(written(&topics, ",", "\n", plain).as_bytes()).unwrap_err().to_string();
+    assert!(error.contains("field.speed") && !error.contains("12.0"), "{error}");
+}

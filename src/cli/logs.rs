@@ -1,6 +1,6 @@
 //! Reading of drive logs and roads, for all commands that read them.
 
-use crate::log::{DriveLog, LogError};
+use crate::log::{DriveLog, LogError, Only};
 use crate::numerics::fnv;
 use crate::path::PathOptions;
 use crate::table::Limits;
@@ -37,6 +37,9 @@ pub struct LogArgs {
     /// Rate of the rows, for logs without a time column
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
+    /// Rows of one vehicle in a log of several: those with this value in a column
+    #[arg(long, value_name = "COLUMN=VALUE")]
+    only: Option<Only>,
     #[command(flatten)]
     pub(super) limit: LimitArgs,
     /// Logs that the calling program has, by the names that stand for files.
@@ -65,7 +68,7 @@ impl LogArgs {
     pub(super) fn read(&self, file: &Path) -> Result<DriveLog, LogError> {
         let log = match self.given(file) {
             Some(log) => log.clone(),
-            None => DriveLog::read_within(file, self.limit.of(Limits::default()))?,
+            None => DriveLog::read_within(file, self.limit.of(Limits::default()), self.only.as_ref())?,
         };
         match self.rate {
             Some(rate) => log.at_rate(rate),

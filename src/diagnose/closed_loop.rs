@@ -154,6 +154,7 @@ mod tests {
             columns: BTreeMap::from([("station", station.clone()), ("e1", e1)]),
             commanded: true,
             valid: vec![true; rows],
+            coarse: BTreeMap::new(),
             findings: Vec::new(),
         };
         let (logged, noise) = logged(&log, &crate::path::sudoku::Route::SudokuTurns.path().unwrap()).unwrap();

@@ -208,6 +208,7 @@ fn log_of<V: ReplayVehicle>(planned: &Planned, scale: Scale, problem: &Problem<V
         columns,
         commanded: problem.drive.commanded,
         valid: vec![true; rows],
+        coarse: problem.drive.coarse.clone(),
         findings: Vec::new(),
     }
 }

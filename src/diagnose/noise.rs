@@ -1,7 +1,8 @@
 //! Noise of a log, and errors of the model's form: the measure of a gap.
 //!
 //! White noise follows from second differences of the gap, `sigma = median |r- - 2 r + r+| / (0.6745 sqrt 6)`, brought
-//! through the low pass. The gap that the best candidate leaves is neither noise nor evidence for any candidate: its
+//! through the low pass. Numbers that are written in steps have errors that rest with them ([`Coarseness`]): second
+//! differences do not see these, so they are added, of the compared columns and of those that drive the replay. The gap that the best candidate leaves is neither noise nor evidence for any candidate: its
 //! variance is added. Its correlation over time reduces the worth of each sample. Moments with many times its ordinary
 //! power have a variance of their own, as where a vehicle slides and its replay does not. Otherwise they would drown
 //! the rest.
@@ -9,6 +10,7 @@
 use super::problem::{Problem, rms};
 use super::profile::{ORDINARY, Roughness, SampleWeights};
 use super::replay::{Channel, LEAK, ReplayVehicle, Trace};
+use crate::log::Coarseness;
 use crate::numerics::statistics::upper_median;
 use std::sync::Arc;
 
@@ -30,7 +32,7 @@ const MOMENT: usize = 10;
 /// Noise of each channel, in its own unit, after the low pass.
 #[derive(Debug, Clone)]
 pub struct Noise {
-    /// Standard deviation by noise alone.
+    /// Standard deviation by noise alone: white noise, and numbers in steps.
     pub white: Vec<f64>,
     /// Errors of the model's form that every simulator has.
     pub form: Vec<f64>,
@@ -71,8 +73,9 @@ impl Noise {
                 _ => FORM * rms_of(logged, &drive.scored),
             };
             let left = known.iter().find(|(of, _)| of == channel).map_or(0.0, |(_, left)| *left);
-            white.push(sample * problem.filter.gain());
-            floor.push((sample * problem.filter.gain()).hypot(form).hypot(left));
+            let noise = (sample * problem.filter.gain()).hypot(coarse(problem, *channel));
+            white.push(noise);
+            floor.push(noise.hypot(form).hypot(left));
             forms.push(form);
             lefts.push(left);
         }
@@ -150,6 +153,37 @@ impl Noise {
             (*channel, (rms(&gap[block.clone()]).powi(2) - white * white).max(0.0).sqrt())
         };
         problem.blocks.iter().zip(&self.white).map(of).collect()
+    }
+}
+
+/// Error of a channel by numbers that are written in steps.
+fn coarse<V>(problem: &Problem<V>, channel: Channel) -> f64 {
+    let drive = problem.drive;
+    if drive.coarse.is_empty() {
+        return 0.0;
+    }
+    let size = |name: &str| rms_of(drive.column(name), &drive.scored).max(f64::MIN_POSITIVE);
+    let of = |name: &str| drive.coarse.get(name).copied();
+    let deviation = |name: &str| of(name).map_or(0.0, |coarse| coarse.deviation);
+    // What leaks gathers an error for as long as it rests.
+    let gathered =
+        |coarse: Coarseness| coarse.deviation * LEAK * (coarse.lasting / (coarse.lasting + LEAK)).sqrt();
+    let gathered_of = |name: &str| of(name).map_or(0.0, gathered);
+    // A share of the angle and of the speed is about that share of the turn.
+    let steering = if drive.commanded { "steer_cmd" } else { "steer" };
+    let driving = [steering, "vx"].map(|name| of(name).map(|coarse| (coarse, size(name))));
+    let share = |by: &dyn Fn(Coarseness) -> f64| {
+        driving.iter().flatten().map(|(coarse, size)| (by(*coarse) / size).powi(2)).sum::<f64>().sqrt()
+    };
+    let turned = share(&gathered) * size("yaw_rate");
+    match channel {
+        Channel::Vx => deviation("vx"),
+        Channel::Yaw => deviation("yaw").hypot(turned),
+        Channel::Along => gathered_of("vx"),
+        Channel::Across => size("vx") * LEAK * deviation("yaw").hypot(turned),
+        Channel::Ax => 0.0,
+        Channel::Steer if drive.commanded => deviation("steer").hypot(deviation("steer_cmd")),
+        _ => deviation(channel.name()).hypot(share(&|coarse| coarse.deviation) * size(channel.name())),
     }
 }
 

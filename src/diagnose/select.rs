@@ -55,6 +55,7 @@ pub fn chosen(log: &CleanLog) -> (Cow<'_, CleanLog>, Option<Finding>) {
         columns: log.columns.keys().map(|&name| (name, Vec::new())).collect(),
         commanded: log.commanded,
         valid: Vec::new(),
+        coarse: log.coarse.clone(),
         findings: Vec::new(),
     };
     for &b in &kept {
@@ -94,6 +95,7 @@ mod tests {
             .into(),
             commanded: true,
             valid: vec![true; rows],
+            coarse: std::collections::BTreeMap::new(),
             findings: Vec::new(),
         }
     }

@@ -201,7 +201,15 @@ pub fn drive<V: DrivableVehicle>(
         }
         V::drive(&mut plant, &VehicleInput { steer_cmd, accel_cmd }, step).ok()?;
     }
-    Some(CleanLog { step, time, columns, commanded: true, valid, findings: Vec::new() })
+    Some(CleanLog {
+        step,
+        time,
+        columns,
+        commanded: true,
+        valid,
+        coarse: BTreeMap::new(),
+        findings: Vec::new(),
+    })
 }
 
 /// The vehicle and its effects with a background drawn from the tolerances.
@@ -216,6 +224,7 @@ fn background<V: ReplayVehicle>(
         columns: BTreeMap::new(),
         commanded: true,
         valid: Vec::new(),
+        coarse: BTreeMap::new(),
         findings: Vec::new(),
     };
     let uncertain: Vec<UncertainParameter> =

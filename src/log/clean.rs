@@ -4,7 +4,8 @@
 //! are refused, or left as they are and reported as suspect; no answer from a suspect log is to be trusted.
 
 use super::agreement::{self, Factors};
-use super::clean_log::{CleanError, CleanLog, LEAST_LENGTH, STANDING, UnusableLog};
+use super::averaged;
+use super::clean_log::{CleanError, CleanLog, Coarseness, LEAST_LENGTH, STANDING, UnusableLog};
 use super::clock::{self, Clock};
 use super::coarse;
 use super::description::describe;
@@ -15,13 +16,14 @@ use super::held;
 use super::join::JUMP;
 use super::jumps::{self, Jump};
 use super::late::{self, Lateness};
+use super::mixed;
 use super::outliers;
 use super::read::DriveLog;
 use super::resample::{Interpolation, SHORT, between};
 use super::rows::{LogColumns, LogRows, WrongRows, bridge, hold};
 use super::saturated;
 use super::units::DEGREE;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 impl CleanLog {
@@ -184,6 +186,8 @@ impl Read {
             );
             findings.push(Finding::new(FindingSeverity::Warning, Some(name), words));
         }
+        let mut left_out = wrong.clone();
+        leave_out_astray(&mut columns, jumps, &mut left_out, &mut findings);
         outliers::stamps(&mut stamps, &mut findings);
         let drives = read_drives(&stamps, &columns, jumps, &mut findings)?;
         let rows: Vec<usize> = drives.iter().flat_map(|drive| drive.rows.iter().copied()).collect();
@@ -204,14 +208,15 @@ impl Read {
             spacing: drives[0].spacing,
             in_file: rows,
             findings,
-            left_out: wrong.clone(),
-            resolutions: BTreeMap::new(),
+            left_out,
+            coarse: BTreeMap::new(),
         };
         frozen::leave_out_speeds(&mut mended);
         mend_turning(&time, &mut mended.columns, &mut factors, &mut mended.findings);
+        averaged::leave_out(&mut mended);
         fill_in(&mut mended);
         leave_out_faults(&mut mended);
-        let LogRows { columns, spans, findings, left_out, in_file, .. } = mended;
+        let LogRows { columns, spans, findings, left_out, in_file, coarse, .. } = mended;
         let factors_in_mended = factors.clone();
         let mut log = on_even_clocks(&drives, &spans, &columns, commanded, &left_out, findings)?;
         let seams = with_seams(&mut log, &drives);
@@ -221,6 +226,11 @@ impl Read {
         let seams = with_seams(&mut log, &drives);
         agreement::mend_steering(&mut log, &mut factors, steering);
         without_seams(&mut log, &seams);
+        let of = |factors: &Factors, name: &str| factors.get(name).copied().unwrap_or(1.0);
+        for (name, coarse) in coarse {
+            let unit = (of(&factors, name) / of(&factors_in_mended, name)).abs();
+            log.coarse.insert(name, Coarseness { deviation: unit * coarse.deviation, ..coarse });
+        }
         let file = MendedFile { factors, left_out, drives, mended: columns, in_file, factors_in_mended };
         Ok(Self { log, file })
     }
@@ -287,6 +297,10 @@ fn read_drives(
         let mut found = Vec::new();
         match clock::read(&stamps[span.clone()], way, same, &mut found) {
             Ok(mut clock) => {
+                let rows: Vec<usize> = clock.rows.iter().map(|row| from + row).collect();
+                if let Some(names) = mixed::columns(columns, &rows, stamps) {
+                    return Err(CleanError::Mixed { columns: names });
+                }
                 if let Err(error) = without_filled(&mut clock, from, columns, &mut found) {
                     errors.push(error);
                     continue;
@@ -323,6 +337,30 @@ fn read_drives(
         findings.push(Finding::new(FindingSeverity::Warning, Some("x"), words));
     }
     Ok(drives)
+}
+
+/// Leaves out places of a receiver that has lost its way.
+fn leave_out_astray(
+    columns: &mut LogColumns,
+    jumps: &[Jump],
+    left_out: &mut WrongRows,
+    findings: &mut Vec<Finding>,
+) {
+    let astray: BTreeSet<usize> = jumps.iter().flat_map(|jump| jump.astray.iter().copied()).collect();
+    let (Some(first), Some(last)) = (astray.first(), astray.last()) else { return };
+    let words = format!(
+        "x and y drift away from vx and yaw before or after they jump: the receiver had lost its way; left out in {} rows from row {} \
+         to row {}",
+        astray.len(),
+        first + 1,
+        last + 1
+    );
+    findings.push(Finding::new(FindingSeverity::Warning, Some("x"), words));
+    for name in ["x", "y"] {
+        let Some(column) = columns.get_mut(name) else { continue };
+        astray.iter().for_each(|&row| column[row] = f64::NAN);
+        left_out.entry(name).or_default().extend(&astray);
+    }
 }
 
 /// Stretches of rows, divided at jumps.
@@ -416,27 +454,41 @@ fn way_factor(stamps: &[f64], columns: &LogColumns) -> Option<f64> {
 
 /// Yaw and yaw rate in radians, yaw continuous: before any row is interpolated.
 fn mend_turning(time: &[f64], columns: &mut LogColumns, factors: &mut Factors, findings: &mut Vec<Finding>) {
-    let mut in_degrees = |columns: &mut LogColumns, name: &'static str, why: &str| {
-        *factors.entry(name).or_insert(1.0) *= DEGREE;
+    let mut multiply = |columns: &mut LogColumns, name: &'static str, by: f64, why: &str| {
+        *factors.entry(name).or_insert(1.0) *= by;
         if let Some(column) = columns.get_mut(name) {
-            column.iter_mut().for_each(|value| *value *= DEGREE);
+            column.iter_mut().for_each(|value| *value *= by);
         }
-        let words = format!("{why}: {name} was taken as degrees and converted to radians");
-        findings.push(Finding::new(FindingSeverity::Warning, Some(name), words));
+        let taken = if by == DEGREE {
+            "was taken as degrees and converted to radians"
+        } else {
+            "was radians already, though the file names degrees or was converted twice; taken as radians"
+        };
+        findings.push(Finding::new(FindingSeverity::Warning, Some(name), format!("{why}: {name} {taken}")));
     };
     if !columns.contains_key("yaw_rate") {
         return;
     }
     if agreement::impossible_yaw_rate(&columns["vx"], &columns["yaw_rate"]) {
-        in_degrees(columns, "yaw_rate", "no vehicle turns as fast as yaw_rate says");
+        multiply(columns, "yaw_rate", DEGREE, "no vehicle turns as fast as yaw_rate says");
     }
     let Some(yaw) = columns.get("yaw") else { return };
     match agreement::turn_factor(time, yaw, &columns["yaw_rate"]).map(f64::abs) {
         Some(factor) if agreement::near(factor * DEGREE, 1.0) => {
-            in_degrees(columns, "yaw", "yaw changes 57 times as fast as yaw_rate says");
+            let why = "yaw changes 57 times as fast as yaw_rate says";
+            if agreement::is_yaw_rate_wrong(columns, DEGREE.recip()) {
+                multiply(columns, "yaw_rate", DEGREE.recip(), why);
+            } else {
+                multiply(columns, "yaw", DEGREE, why);
+            }
         }
         Some(factor) if agreement::near(factor / DEGREE, 1.0) => {
-            in_degrees(columns, "yaw_rate", "yaw_rate is 57 times the change of yaw");
+            let why = "yaw_rate is 57 times the change of yaw";
+            if agreement::is_yaw_rate_wrong(columns, DEGREE) {
+                multiply(columns, "yaw_rate", DEGREE, why);
+            } else {
+                multiply(columns, "yaw", DEGREE.recip(), why);
+            }
         }
         _ => {}
     }

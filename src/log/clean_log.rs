@@ -10,6 +10,15 @@ pub(super) const STANDING: f64 = 2.0;
 /// Least length of a log, s.
 pub(super) const LEAST_LENGTH: f64 = 10.0;
 
+/// Uncertainty of a column that is written in steps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Coarseness {
+    /// Standard deviation of a value in the column's unit: the step over the root of 12.
+    pub deviation: f64,
+    /// Usual time for which an error stays, s: that for which the number rests.
+    pub lasting: f64,
+}
+
 /// A log on an even clock, mended.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CleanLog {
@@ -23,8 +32,22 @@ pub struct CleanLog {
     pub commanded: bool,
     /// False for a row that was interpolated over a gap, is at standstill or must not be scored for another reason.
     pub valid: Vec<bool>,
+    /// Columns that are written more coarsely than the quantity moves.
+    pub coarse: BTreeMap<&'static str, Coarseness>,
     /// Findings and repairs, the gravest first.
     pub findings: Vec<Finding>,
+}
+
+impl Coarseness {
+    /// Of numbers in steps that usually rest for some seconds.
+    pub(super) fn of(step: f64, lasting: f64) -> Self {
+        Self { deviation: step / 12.0_f64.sqrt(), lasting }
+    }
+
+    /// The step.
+    pub(super) fn step(&self) -> f64 {
+        self.deviation * 12.0_f64.sqrt()
+    }
 }
 
 impl CleanLog {
@@ -90,6 +113,12 @@ pub enum CleanError {
          in m/s?"
     )]
     Standing { moving: f64 },
+    #[error(
+        "{} jump to and fro from row to row: the rows of two vehicles or recordings in turn; give each in a file of its own, or, \
+         where a column tells them apart, --only COLUMN=VALUE",
+        columns.join(", ")
+    )]
+    Mixed { columns: Vec<&'static str> },
     #[error("{words}; nothing is to be learned from it before that is cleared up")]
     Suspect { words: String },
     #[error("{column} {words}: one of the two has another unit")]

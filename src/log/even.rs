@@ -73,6 +73,7 @@ fn on_even_clock(
         columns: BTreeMap::new(),
         commanded,
         valid: vec![true; count],
+        coarse: BTreeMap::new(),
         findings,
     };
     for (&name, values) in columns {

@@ -7,10 +7,14 @@
 //!     v[i] = v[i - 1] for 0.1 s and longer,   then |v[end] - v[end - 1]| > 6 x the 99th percentile of |v[i] - v[i - 1]|
 //! ```
 //!
+//! One with white noise of its own never rests: where it repeats itself for longer than chance allows it is frozen, with a jump or
+//! without.
+//!
 //! A sensor that is held from sample to sample, each a tenth of a second or a second, jumps always: it is none. Nor is one of
 //! a vehicle that stands, or one that has not moved before.
 
 use super::clean_log::STANDING;
+use super::differences::has_own_noise;
 use super::finding::FindingSeverity;
 use super::rows::{LogRows, repeats};
 use crate::numerics::statistics::{median, quantile};
@@ -20,12 +24,17 @@ use std::ops::Range;
 const SENSORS: [&str; 9] = ["x", "y", "vx", "vy", "yaw_rate", "ax", "ay", "steer", "steer_cmd"];
 /// Shortest stretch, s.
 const SHORTEST: f64 = 0.1;
+/// Share of rows in which a noisy sensor repeats the last number.
+const RESTS: f64 = 0.3;
 /// Jump at its end, over the 99th percentile of steps.
 const JUMP: f64 = 6.0;
 
 /// Leaves out frozen stretches of all sensors.
 pub(super) fn leave_out(log: &mut LogRows) {
     leave_out_of(log, &SENSORS);
+    let Some(vx) = log.columns.get("vx").cloned() else { return };
+    let shortest = log.lasting(SHORTEST, 3);
+    leave_out_still(log, shortest, &|stretch| is_moving(&vx, stretch));
 }
 
 /// The same of the speed alone: from a value in the place of none, every unit would be told wrongly.
@@ -33,12 +42,14 @@ pub(super) fn leave_out_speeds(log: &mut LogRows) {
     leave_out_of(log, &["vx"]);
 }
 
+fn is_moving(vx: &[f64], stretch: &Range<usize>) -> bool {
+    median(vx[stretch.clone()].iter().map(|vx| vx.abs()).collect()).is_some_and(|vx| vx > STANDING)
+}
+
 fn leave_out_of(log: &mut LogRows, names: &[&'static str]) {
     let shortest = log.lasting(SHORTEST, 3);
     let Some(vx) = log.columns.get("vx").cloned() else { return };
-    let moves = |stretch: &Range<usize>| {
-        median(vx[stretch.clone()].iter().map(|vx| vx.abs()).collect()).is_some_and(|vx| vx > STANDING)
-    };
+    let moves = |stretch: &Range<usize>| is_moving(&vx, stretch);
     for &name in names {
         let Some(values) = log.columns.get(name) else { continue };
         let may_jump = name.starts_with("steer");
@@ -53,6 +64,53 @@ fn leave_out_of(log: &mut LogRows, names: &[&'static str]) {
         for (value, stretch) in found {
             let words = format!(
                 "{name} stays at {value:.4} from row {} to row {} and jumps then: frozen; left out, like missing values",
+                log.number(stretch.start),
+                log.number(stretch.end - 1)
+            );
+            log.find(FindingSeverity::Warning, name, words);
+            log.leave_out(name, stretch);
+        }
+    }
+}
+
+/// Sensors of a moving vehicle that are noisy if any are.
+const NOISY: [&str; 8] = ["x", "y", "yaw", "vx", "vy", "yaw_rate", "ax", "ay"];
+/// Chance of a repetition so long, in a row.
+const CHANCE: f64 = 1e-9;
+
+/// Stretches in which a noisy column repeats itself.
+fn still(values: &[f64], span: &Range<usize>, shortest: usize) -> Vec<Range<usize>> {
+    let pairs = values[span.clone()].windows(2);
+    let (count, same) = pairs.fold((0.0, 0.0), |(count, same), pair| {
+        (count + 1.0, same + f64::from(u8::from(pair[0] == pair[1])))
+    });
+    let share = f64::max(same / f64::max(count, 1.0), 1e-3);
+    // More is a number in steps, or a slow sensor.
+    if share > RESTS {
+        return Vec::new();
+    }
+    let shortest = shortest.max((CHANCE.ln() / share.ln()).ceil() as usize);
+    let found = repeats(values, span.clone(), shortest).into_iter();
+    // The first of them was measured.
+    found
+        .filter(|stretch| values[stretch.start].is_finite())
+        .map(|stretch| stretch.start + 1..stretch.end)
+        .collect()
+}
+
+/// Leaves out stretches in which noisy sensors repeat themselves.
+fn leave_out_still(log: &mut LogRows, shortest: usize, moves: &dyn Fn(&Range<usize>) -> bool) {
+    for name in NOISY {
+        let Some(values) = log.columns.get(name) else { continue };
+        if !has_own_noise(values, &log.spans) {
+            continue;
+        }
+        let of_span = |span: &Range<usize>| still(values, span, shortest);
+        let found: Vec<Range<usize>> = log.spans.iter().flat_map(of_span).filter(moves).collect();
+        for stretch in found {
+            let words = format!(
+                "{name} stays at {:.4} from row {} to row {}, though it has noise elsewhere: frozen; left out, like missing values",
+                log.columns[name][stretch.start],
                 log.number(stretch.start),
                 log.number(stretch.end - 1)
             );
@@ -107,6 +165,25 @@ mod tests {
         values[960..].fill(9.0);
         assert_eq!(frozen(&values, 20, 0, false), [0..40, 960..1000]);
         assert!(frozen(&values, 20, 0, true).is_empty());
+    }
+
+    #[test]
+    fn a_noisy_sensor_that_repeats_itself_is_found_without_a_jump() {
+        let mut random = crate::numerics::Random::new(2);
+        let whole = 0..1000;
+        for digits in [1e9, 1e3] {
+            let mut values: Vec<f64> = wave(1000)
+                .into_iter()
+                .map(|value| (digits * (value + 2e-3 * (random.uniform() - 0.5))).round() / digits)
+                .collect();
+            assert!(still(&values, &whole, 5).is_empty());
+            let held = values[300];
+            values[300..340].fill(held);
+            values[700..703].fill(0.0);
+            assert_eq!(still(&values, &whole, 5), std::iter::once(301..340).collect::<Vec<_>>());
+        }
+        let coarse: Vec<f64> = wave(1000).iter().map(|value| (20.0 * value).round() / 20.0).collect();
+        assert!(still(&coarse, &whole, 5).is_empty());
     }
 
     #[test]

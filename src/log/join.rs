@@ -4,10 +4,10 @@
 //! belongs beside the log for which it was proposed. More of the same adds little, as the model's form is wrong in the
 //! same way again.
 
-use super::clean_log::CleanLog;
+use super::clean_log::{CleanLog, Coarseness};
 use super::finding::{Finding, FindingSeverity};
 use super::resample::{between, resample};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The clock jumps by so much between two logs, s: a replay starts anew after a jump.
 pub(super) const JUMP: f64 = 10.0;
@@ -44,6 +44,7 @@ impl CleanLog {
             columns: logs[0].1.columns.keys().map(|&name| (name, Vec::new())).collect(),
             commanded: logs[0].1.commanded,
             valid: Vec::new(),
+            coarse: coarsest(&logs),
             findings: vec![together(&logs)],
         };
         let names: BTreeSet<&'static str> =
@@ -81,6 +82,18 @@ fn together(logs: &[(String, CleanLog)]) -> Finding {
     Finding::new(FindingSeverity::Note, None, words)
 }
 
+/// The coarsest numbers of each column.
+fn coarsest(logs: &[(String, CleanLog)]) -> BTreeMap<&'static str, Coarseness> {
+    let mut all = BTreeMap::new();
+    for (&name, coarse) in logs.iter().flat_map(|(_, log)| &log.coarse) {
+        let most = all.entry(name).or_insert(*coarse);
+        if coarse.deviation > most.deviation {
+            *most = *coarse;
+        }
+    }
+    all
+}
+
 /// A log on a slower clock.
 fn on_clock(log: CleanLog, step: f64) -> CleanLog {
     if (log.step / step - 1.0).abs() < 1e-9 {
@@ -105,6 +118,7 @@ fn on_clock(log: CleanLog, step: f64) -> CleanLog {
             .collect(),
         commanded: log.commanded,
         valid: (0..count).map(|k| log.valid[about(k)].iter().all(|valid| *valid)).collect(),
+        coarse: log.coarse,
         findings: log.findings,
     }
 }

@@ -6,7 +6,12 @@
 //!     |p[i] - p[i - 1]| - int vx dt  >  10 x its usual size,   and more than the way of a tenth of a second
 //! ```
 //!
-//! A drive ends there, and another one begins.
+//! A drive ends there, and another one begins. A receiver that has lost its way drifts before it jumps back, or after it has
+//! jumped: the seconds on either side in which the place moves otherwise than speed and heading say are left out,
+//!
+//! ```text
+//!     |d(x, y) - int v dt| over a second  >  4 x its median        v: vx, vy by yaw
+//! ```
 
 use super::agreement::Factors;
 use super::clock::Clock;
@@ -20,12 +25,21 @@ const LEAST_TIME: f64 = 0.1;
 /// Longest time between two places, s: over a longer one the speed's own errors add up.
 const CLOSE: f64 = 1.5;
 
+/// Length of the stretches in which a place drifts or does not, s.
+const STRETCH: f64 = 1.0;
+/// Drift over such a stretch, in usual ones.
+const DRIFTS: f64 = 4.0;
+/// Stretches without a drift that end it.
+const SOUND: usize = 2;
+
 /// A jump.
 pub(super) struct Jump {
     /// Row of the file that begins anew.
     pub row: usize,
     /// Way beyond that by speed, m.
     pub way: f64,
+    /// Rows of the file beside it whose place drifts.
+    pub astray: Vec<usize>,
 }
 
 /// Jumps in the drives of a log, by its rows.
@@ -42,7 +56,75 @@ pub(super) fn jumps(
         Some(values)
     };
     let (Some(x), Some(y), Some(vx)) = (column("x"), column("y"), column("vx")) else { return Vec::new() };
-    drives.iter().flat_map(|drive| of_drive(drive, [&x, &y, &vx])).collect()
+    let (yaw, vy) = (column("yaw"), column("vy"));
+    let mut jumps = Vec::new();
+    for drive in drives {
+        let mut found = of_drive(drive, [&x, &y, &vx]);
+        if let (Some(yaw), false) = (&yaw, found.is_empty()) {
+            leave_out_drift(drive, [&x, &y, &vx, yaw], vy.as_deref(), &mut found);
+        }
+        jumps.append(&mut found);
+    }
+    jumps
+}
+
+/// Notes the rows beside each jump in which the place drifts.
+fn leave_out_drift(drive: &Clock, [x, y, vx, yaw]: [&[f64]; 4], vy: Option<&[f64]>, jumps: &mut [Jump]) {
+    let known = |row: &usize| [x, y, vx, yaw].iter().all(|column| column[*row].is_finite());
+    let velocity = |row: usize| {
+        let (sin, cos) = yaw[row].sin_cos();
+        let vy = vy.map_or(0.0, |vy| vy[row]);
+        let vy = if vy.is_finite() { vy } else { 0.0 };
+        [vx[row] * cos - vy * sin, vx[row] * sin + vy * cos]
+    };
+    let is_jump = |row: usize| jumps.iter().any(|jump| jump.row == row);
+    // Stretches: the first of their rows in the drive and the one behind the last, and the drift in m/s. None crosses a jump.
+    let mut stretches: Vec<(usize, usize, f64)> = Vec::new();
+    let (mut from, mut drift) = (0, [0.0; 2]);
+    for i in 1..drive.rows.len() {
+        let [before, row] = [drive.rows[i - 1], drive.rows[i]];
+        let (step, lasts) = (drive.time[i] - drive.time[i - 1], drive.time[i] - drive.time[from]);
+        if is_jump(row) || !(known(&before) && known(&row)) || step > CLOSE {
+            (from, drift) = (i, [0.0; 2]);
+            continue;
+        }
+        let moved = [x[row] - x[before], y[row] - y[before]];
+        let [a, b] = [velocity(before), velocity(row)];
+        for axis in 0..2 {
+            drift[axis] += moved[axis] - 0.5 * step * (a[axis] + b[axis]);
+        }
+        if lasts >= STRETCH {
+            stretches.push((from, i + 1, drift[0].hypot(drift[1]) / lasts));
+            (from, drift) = (i, [0.0; 2]);
+        }
+    }
+    let Some(usual) = median(stretches.iter().map(|stretch| stretch.2).collect()) else { return };
+    for jump in jumps {
+        let Some(place) = drive.rows.iter().position(|&row| row == jump.row) else { continue };
+        let (before, after): (Vec<_>, Vec<_>) = stretches.iter().partition(|stretch| stretch.1 <= place);
+        let first = drifting(before.into_iter().rev(), usual).map_or(place, |stretch| stretch.0);
+        let end = drifting(after.into_iter(), usual).map_or(place, |stretch| stretch.1);
+        jump.astray = drive.rows[first..end].to_vec();
+    }
+}
+
+/// The farthest of the stretches that drift, from the nearest on.
+fn drifting<'a>(
+    stretches: impl Iterator<Item = &'a (usize, usize, f64)>,
+    usual: f64,
+) -> Option<(usize, usize, f64)> {
+    let (mut farthest, mut sound) = (None, 0);
+    for stretch in stretches {
+        if stretch.2 > DRIFTS * usual {
+            (farthest, sound) = (Some(*stretch), 0);
+        } else {
+            sound += 1;
+            if sound == SOUND {
+                break;
+            }
+        }
+    }
+    farthest
 }
 
 fn of_drive(drive: &Clock, [x, y, vx]: [&[f64]; 3]) -> Vec<Jump> {
@@ -71,5 +153,9 @@ fn of_drive(drive: &Clock, [x, y, vx]: [&[f64]; 3]) -> Vec<Jump> {
     let speeds = drive.rows.iter().map(|&row| vx[row].abs()).collect();
     let (Some(usual), Some(speed)) = (quantile(sizes, 0.99), median(speeds)) else { return Vec::new() };
     let least = (UNUSUAL * usual).max(LEAST_TIME * speed);
-    steps.into_iter().filter(|(_, way)| *way > least).map(|(row, way)| Jump { row, way }).collect()
+    steps
+        .into_iter()
+        .filter(|(_, way)| *way > least)
+        .map(|(row, way)| Jump { row, way, astray: Vec::new() })
+        .collect()
 }

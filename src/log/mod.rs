@@ -25,6 +25,10 @@
 //! | `saturated.rs` | sensors at the end of their range |
 //! | `held.rs` | values that a recorder has filled in between samples |
 //! | `coarse.rs` | numbers that are written more coarsely than the quantity moves |
+//! | `only.rs` | rows of one vehicle among those of several |
+//! | `mixed.rs` | rows of two recordings in turn |
+//! | `differences.rs` | noise by third differences |
+//! | `averaged.rs` | steering that a logging tool has smoothed |
 //! | `jumps.rs` | places where rows are missing, or another drive begins, without a word from the clock |
 //! | `kinematics.rs` | velocity across and acceleration along the body, told by other columns |
 //! | `late.rs` | columns that come later than others |
@@ -36,11 +40,13 @@
 //! | `learn.rs` | training data of a residual, completed |
 
 mod agreement;
+mod averaged;
 mod clean;
 mod clean_log;
 mod clock;
 mod coarse;
 mod description;
+mod differences;
 mod even;
 mod finding;
 mod frozen;
@@ -50,6 +56,8 @@ mod jumps;
 mod kinematics;
 mod late;
 mod learn;
+mod mixed;
+mod only;
 mod outliers;
 mod read;
 mod resample;
@@ -59,10 +67,11 @@ mod saturated;
 mod steering;
 mod units;
 
-pub use clean_log::{CleanError, CleanLog, UnusableLog};
+pub use clean_log::{CleanError, CleanLog, Coarseness, UnusableLog};
 pub use finding::{Finding, FindingSeverity};
 pub use join::JoinError;
 pub use learn::{LearnError, drives_of};
+pub use only::Only;
 pub use read::{DriveLog, LogError};
 pub use road::NotOnRoad;
 pub use steering::SteeringLog;

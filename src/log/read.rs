@@ -7,6 +7,7 @@
 //! | an empty field, or a word for none | NaN: a gap |
 
 use super::finding::{Finding, FindingSeverity};
+use super::only::{Only, Selection};
 use crate::signal;
 use crate::table::{self, Limits, Table, TableError, time};
 use std::path::{Path, PathBuf};
@@ -36,6 +37,16 @@ pub enum LogError {
     Twice { file: PathBuf, column: &'static str },
     #[error("{}, line {line}, column {column}: '{text}' is not a number{}", file.display(), instead(column, text))]
     NotANumber { file: PathBuf, line: u64, column: &'static str, text: String },
+    #[error(
+        "{}: rows of {count} vehicles (column {column}: {values}); a log is of one: choose it (--only {column}={first}), or give each \
+         in a file of its own",
+        file.display()
+    )]
+    SeveralVehicles { file: PathBuf, column: String, count: usize, values: String, first: String },
+    #[error("{}: --only: there is no column '{column}'; the columns are {header}", file.display())]
+    NoSuchColumn { file: PathBuf, column: String, header: String },
+    #[error("{}: --only: no row has '{value}' in column '{column}'; it has {values}", file.display())]
+    NoSuchValue { file: PathBuf, column: String, value: String, values: String },
     #[error("{}: column '{column}' is missing; a log to learn from needs {needed}{}", file.display(), perhaps(column, near))]
     Missing { file: PathBuf, column: &'static str, needed: &'static str, near: Vec<String> },
     #[error(
@@ -71,6 +82,17 @@ fn instead(column: &str, text: &str) -> &'static str {
     }
 }
 
+/// The damage of a packed file, where a faulty row comes of that.
+fn of_damage(fault: LogError, file: &Path, limits: Limits) -> LogError {
+    let (LogError::RowLength { line, .. } | LogError::NotANumber { line, .. }) = fault else { return fault };
+    match table::open(file, limits).map(|mut reader| std::io::copy(&mut reader, &mut std::io::sink())) {
+        Ok(Err(source)) => {
+            LogError::Table { file: file.to_owned(), source: TableError::Broken { line, source } }
+        }
+        _ => fault,
+    }
+}
+
 /// Seconds in a day.
 const DAY: i64 = 86_400;
 
@@ -83,7 +105,7 @@ fn on_its_day(time: i64, before: i64) -> i64 {
 }
 
 /// A column's name as names of signals are written: `Yaw Rate`, `YAW-RATE`.
-fn as_written(name: &str) -> String {
+pub(super) fn as_written(name: &str) -> String {
     name.trim().to_ascii_lowercase().replace([' ', '-', '.'], "_")
 }
 
@@ -112,7 +134,7 @@ pub(super) fn perhaps(column: &str, near: &[String]) -> String {
 /// Parts of the names that other tools give to a signal.
 fn other_names(column: &str) -> &'static [&'static str] {
     match column {
-        "time" => &["time", "stamp", "second", "ticks"],
+        "time" => &["time", "stamp", "sec", "ticks"],
         "vx" => &["vx", "speed", "velocity"],
         "yaw_rate" => &["yaw", "gyro", "psi"],
         "steer_cmd" | "steer" => &["steer", "swa", "wheel_angle", "wheelangle"],
@@ -214,20 +236,20 @@ impl DriveLog {
     /// # Errors
     /// The fault, with file, line and column.
     pub fn read(file: &Path) -> Result<Self, LogError> {
-        Self::read_within(file, Limits::default())
+        Self::read_within(file, Limits::default(), None)
     }
 
-    /// As [`read`](Self::read), with limits of its size.
+    /// As [`read`](Self::read), with limits of its size, and with a choice of its rows where it holds those of several vehicles.
     ///
     /// # Errors
-    /// As [`read`](Self::read).
-    pub fn read_within(file: &Path, limits: Limits) -> Result<Self, LogError> {
+    /// As [`read`](Self::read); rows of several vehicles without a choice.
+    pub fn read_within(file: &Path, limits: Limits, only: Option<&Only>) -> Result<Self, LogError> {
         let opened = table::open(file, limits).map_err(|source| match source {
             TableError::Io(source) => LogError::Open { file: file.to_owned(), source },
             TableError::Compressed => LogError::Compressed { file: file.to_owned() },
             source => LogError::Table { file: file.to_owned(), source },
         })?;
-        Self::from_reader_within(opened, file, limits)
+        Self::from_reader_within(opened, file, limits, only).map_err(|fault| of_damage(fault, file, limits))
     }
 
     /// Gives a log without time stamps those of a constant rate, in Hz.
@@ -249,10 +271,10 @@ impl DriveLog {
     /// # Errors
     /// As [`read`](Self::read).
     pub fn from_reader(reader: impl std::io::Read, file: &Path) -> Result<Self, LogError> {
-        Self::from_reader_within(reader, file, Limits::default())
+        Self::from_reader_within(reader, file, Limits::default(), None)
     }
 
-    /// As [`from_reader`](Self::from_reader), with limits of its size.
+    /// As [`from_reader`](Self::from_reader), with limits of its size, and a choice of its rows.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -260,17 +282,33 @@ impl DriveLog {
         reader: impl std::io::Read,
         file: &Path,
         limits: Limits,
+        only: Option<&Only>,
     ) -> Result<Self, LogError> {
         let broken = |source| LogError::Table { file: file.to_owned(), source };
         let known = |name: &str| signal::find(&as_written(name)).is_some();
         let mut table = Table::new(reader, limits, &known).map_err(broken)?;
         let mut log = Self::empty(file);
         let places = log.places(table.header())?;
+        let mut selection = Selection::of(table.header(), only, file)?;
         let mut rows = RowReader { file, places, expected: table.header().names.len(), zero: None, last: 0 };
         let (mut values, mut count) = (vec![0.0; rows.places.len()], 0);
         // The first fault of the lines at the end, and their number.
         let mut closing: Option<(LogError, u64)> = None;
-        while let Some(row) = table.next_row().map_err(broken)? {
+        loop {
+            let row = match table.next_row() {
+                Ok(Some(row)) => row,
+                Ok(None) => break,
+                Err(TableError::CutOff { line }) if count > 0 => {
+                    log.warnings.push(format!(
+                        "line {line}: the packed file is cut off here; the {count} rows before are read"
+                    ));
+                    break;
+                }
+                Err(source) => return Err(broken(source)),
+            };
+            if !selection.takes(&row) {
+                continue;
+            }
             match (rows.read(&row, &log.columns, &mut values), closing.take()) {
                 (Ok(()), None) => {
                     log.columns.iter_mut().zip(&values).for_each(|((_, column), value)| column.push(*value));
@@ -287,6 +325,7 @@ impl DriveLog {
             }
             log.notes.push(format!("{lines} line(s) at the end left out, cut off or no row: {fault}"));
         }
+        selection.check(count as usize, file)?;
         if rows.zero.is_some() {
             log.notes.push("time: dates are read as seconds since the first one's whole second".into());
         }

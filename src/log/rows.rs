@@ -1,5 +1,6 @@
 //! A log's rows on their way to a clean log: columns in the order of their clocks, and what is found and left out on the way.
 
+use super::clean_log::Coarseness;
 use super::finding::{Finding, FindingSeverity};
 use crate::numerics::statistics::median;
 use std::collections::BTreeMap;
@@ -74,8 +75,8 @@ pub(super) struct LogRows<'a> {
     pub in_file: Vec<usize>,
     pub findings: Vec<Finding>,
     pub left_out: WrongRows,
-    /// Steps in which coarse columns are written.
-    pub resolutions: BTreeMap<&'static str, f64>,
+    /// Columns that are written in steps.
+    pub coarse: BTreeMap<&'static str, Coarseness>,
 }
 
 impl LogRows<'_> {

@@ -5,8 +5,9 @@
 //! of [`CleanLog`], with all repairs that are made there.
 
 use super::agreement::near;
+use super::averaged;
 use super::clean::{fill_in, leave_out_faults};
-use super::clean_log::{CleanError, CleanLog, UnusableLog};
+use super::clean_log::{CleanError, CleanLog, Coarseness, UnusableLog};
 use super::clock;
 use super::finding::{Finding, FindingSeverity};
 use super::join::JUMP;
@@ -74,15 +75,18 @@ impl SteeringLog {
                         in_file,
                         findings,
                         left_out: WrongRows::new(),
-                        resolutions: BTreeMap::new(),
+                        coarse: BTreeMap::new(),
                     };
+                    if let Some(words) = averaged::contradiction(&rows) {
+                        return Err(unusable(CleanError::Suspect { words }));
+                    }
                     fill_in(&mut rows);
                     leave_out_faults(&mut rows);
                     found.findings.append(&mut rows.findings);
                     let commands = clock.time.iter().copied().zip(rows.columns["steer_cmd"].iter().copied());
                     stated.push(commands.filter(|(_, command)| command.is_finite()).collect());
-                    let resolution =
-                        rows.resolutions.get("steer").map_or(0.0, |step| factors[1].abs() * step);
+                    let step = rows.coarse.get("steer").map_or(0.0, Coarseness::step);
+                    let resolution = factors[1].abs() * step;
                     let drive = drive(name.clone(), &clock.time, &rows.columns, factors);
                     found.drives.push(SteeringDrive { resolution, ..drive });
                 }

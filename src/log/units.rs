@@ -23,7 +23,9 @@ pub(super) type LogUnit = (&'static str, f64);
 pub(super) const SPEEDS: (&str, [&str; 5]) = ("m/s", ["m/s", "km/h", "mph", "knots", "ft/s"]);
 pub(super) const LENGTHS: (&str, [&str; 5]) = ("m", ["m", "mm", "cm", "ft", "km"]);
 pub(super) const ACCELERATIONS: (&str, [&str; 2]) = ("m/s2", ["m/s2", "g"]);
-const TURNS: (&str, [&str; 2]) = ("rad/s", ["rad/s", "deg/s"]);
+/// The last are those of a file that names another unit than its own, or were converted twice.
+const TURNS: [LogUnit; 3] =
+    [("rad/s", 1.0), ("deg/s", 1.0 / DEGREE), ("rad/s that were converted from degrees as well", DEGREE)];
 const BENDS: (&str, [&str; 2]) = ("1/m", ["1/m", "1/km"]);
 /// Changes of curvature along the way; of those in 1/km only the curvature is.
 const WINDINGS: [LogUnit; 2] = [("1/m2", 1.0), ("1/km per m", 1000.0)];
@@ -144,7 +146,7 @@ pub(super) fn told(shown: &Shown) -> UnitConclusion {
     if Units::SI.error(shown) < EFFECT {
         return UnitConclusion::Si;
     }
-    let (lengths, turns, bends) = (sized(LENGTHS), sized(TURNS), sized(BENDS));
+    let (lengths, bends) = (sized(LENGTHS), sized(BENDS));
     let (speeds, accelerations) = (sized(SPEEDS), sized(ACCELERATIONS));
     let mut all = Vec::new();
     // A column that nothing is known of is in SI units.
@@ -155,7 +157,7 @@ pub(super) fn told(shown: &Shown) -> UnitConclusion {
         for &position in known(&lengths, shown.way.is_some()) {
             for &station in known(&lengths, shown.station.is_some()) {
                 for &acceleration in known(&accelerations, shown.lateral.is_some()) {
-                    for &turn in known(&turns, shown.lateral.is_some()) {
+                    for &turn in known(&TURNS, shown.lateral.is_some()) {
                         for &curvature in known(&bends, shown.bend.is_some()) {
                             for &curvature_rate in known(&WINDINGS, shown.winding.is_some()) {
                                 let units = Units {
@@ -205,7 +207,7 @@ mod tests {
 
     #[test]
     fn each_unit_is_in_the_table() {
-        let all = [&sized(SPEEDS)[..], &sized(LENGTHS), &sized(ACCELERATIONS), &sized(TURNS), &sized(BENDS)];
+        let all = [&sized(SPEEDS)[..], &sized(LENGTHS), &sized(ACCELERATIONS), &TURNS, &sized(BENDS)];
         assert!(all.iter().all(|units| units[0].1 == 1.0 && units.iter().all(|unit| unit.1.is_finite())));
     }
 
@@ -234,6 +236,8 @@ mod tests {
         }
         assert_eq!(words(Shown { lateral: Some(0.1), ..Shown::default() }), "ay in g");
         assert_eq!(words(Shown { lateral: Some(DEGREE), ..Shown::default() }), "yaw_rate in deg/s");
+        let small = words(Shown { lateral: Some(1.07 / DEGREE), ..Shown::default() });
+        assert_eq!(small, "yaw_rate in rad/s that were converted from degrees as well");
     }
 
     #[test]

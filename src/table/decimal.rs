@@ -15,10 +15,59 @@ impl Decimal {
     /// A field with a decimal point. A point in a file with decimal commas may separate thousands. The field is then
     /// returned with words after it, so that it is no number.
     pub fn plain(self, field: &str) -> Cow<'_, str> {
+        if let Some(plain) = without_thousands(self, field) {
+            return plain.into();
+        }
         match (self, field.matches(',').count(), field.contains('.')) {
             (Self::Point, ..) | (_, 0, false) | (Self::Unknown, 0, true) => field.into(),
             (_, 1, false) => field.replace(',', ".").into(),
             _ => format!("{field} (a point among decimal commas)").into(),
+        }
+    }
+}
+
+/// A number whose thousands are apart, if it has a decimal mark besides: `1,234.5`, and `1.234,5` where commas are decimal. Alone
+/// a mark may be either.
+fn without_thousands(decimal: Decimal, field: &str) -> Option<String> {
+    let (thousand, mark) = match decimal {
+        Decimal::Point => (',', '.'),
+        Decimal::Comma => ('.', ','),
+        Decimal::Unknown => return None,
+    };
+    let (whole, part) = field.split_once(mark)?;
+    let mut groups = whole.trim_start_matches(['-', '+']).split(thousand);
+    let figures = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let first = groups.next().filter(|group| group.len() <= 3 && figures(group));
+    let mut count = 0;
+    let are_groups = groups.all(|group| {
+        count += 1;
+        group.len() == 3 && figures(group)
+    });
+    (first.is_some() && count > 0 && are_groups && figures(part))
+        .then(|| format!("{}.{part}", whole.replace(thousand, "")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thousands_are_told_from_decimals_where_the_number_has_both() {
+        for (decimal, field, plain) in [
+            (Decimal::Point, "-1,234.5", "-1234.5"),
+            (Decimal::Point, "1,234,567.25", "1234567.25"),
+            (Decimal::Comma, "1.234,5", "1234.5"),
+            (Decimal::Point, "1234.5", "1234.5"),
+        ] {
+            assert_eq!(decimal.plain(field), plain);
+        }
+        for (decimal, field) in [
+            (Decimal::Point, "1,234"),
+            (Decimal::Point, "12,34.5"),
+            (Decimal::Comma, "1.234"),
+            (Decimal::Unknown, "1.2,3"),
+        ] {
+            assert!(decimal.plain(field).parse::<f64>().is_err(), "{field}");
         }
     }
 }

@@ -60,8 +60,9 @@ pub(super) fn find(lines: &[String], known: &dyn Fn(&str) -> bool) -> Head {
     // Without numbers there is no block before them.
     let (before, _) = rows.split_at(data + later.map_or(0, |row| row + 1));
     let guess = data < rows.len();
-    let Some(names) =
-        names_row(before, known, width, guess).or_else(|| rows.iter().position(|row| !row.comment))
+    let Some(names) = names_row(before, known, width, guess)
+        .or_else(|| commented(&rows[..data], width))
+        .or_else(|| rows.iter().position(|row| !row.comment))
     else {
         return Head { delimiter, decimal, header: Header::default(), body: lines.len() };
     };
@@ -208,6 +209,13 @@ fn names_row(before: &[Line], known: &dyn Fn(&str) -> bool, width: usize, guess:
         Some(&above) if is_units(&before[last].fields, b',') => Some(above),
         _ => Some(last),
     }
+}
+
+/// The comment above the numbers that has as many fields: the names, though none is known (`%time,field.x`).
+fn commented(before: &[Line], width: usize) -> Option<usize> {
+    let last = before.last().filter(|row| row.comment && width > 1 && row.fields.len() == width)?;
+    let is_number = |field: &String| field.parse::<f64>().is_ok();
+    (!last.fields.iter().any(is_number)).then(|| before.len() - 1)
 }
 
 /// True for a row of units: short words, at least half of them known, none a number.

@@ -5,6 +5,7 @@
 //! | a file may have | detection |
 //! |---|---|
 //! | commas, semicolons, tabs, bars or blanks | the delimiter by which most fields of the head are numbers; a line `sep=;` decides |
+//! | thousands apart (`"1,234.5"`, `1.234,5`, `1 234,5` with a hard blank), a minus of typography | read where the number shows it |
 //! | decimal commas | with any other delimiter than commas; a file that mixes commas and points is refused |
 //! | lines of comment (`#`, `%`), blank lines | skipped; names may stand in a comment (racing lines) |
 //! | a block before the names (`"Venue","Test"`) | names are the row before the numbers that has most known names |
@@ -59,8 +60,8 @@ use std::borrow::Cow;
 use std::io::Read;
 use text::Lines;
 
-/// Words in place of a value, of spreadsheets, databases and C libraries.
-const MISSING: [&str; 22] = [
+/// Words in place of a value, of spreadsheets, databases, C libraries and sensors.
+const MISSING: [&str; 34] = [
     "na",
     "n/a",
     "#n/a",
@@ -83,6 +84,18 @@ const MISSING: [&str; 22] = [
     "sna",
     "#value!",
     "#div/0!",
+    "n.a.",
+    "n/v",
+    "void",
+    "missing",
+    "unavailable",
+    "invalid",
+    "inv",
+    "off",
+    "fault",
+    "error",
+    "err",
+    "?",
 ];
 
 /// A table, read row by row.
@@ -162,16 +175,28 @@ impl<R: Read> Table<R> {
         let mut lines = Lines::new(reader, limits.bytes)?;
         let mut first = Vec::new();
         let mut size = 0;
+        let mut cut_off = None;
         while first.len() < head::LINES && size < head::BYTES {
-            let Some(line) = lines.next_line()? else { break };
-            size += line.len();
-            first.push(line);
+            match lines.next_line() {
+                Ok(Some(line)) => {
+                    size += line.len();
+                    first.push(line);
+                }
+                Ok(None) => break,
+                // The lines before it are whole.
+                Err(error @ TableError::CutOff { .. }) if !first.is_empty() => {
+                    cut_off = Some(error);
+                    break;
+                }
+                Err(error) => return Err(error),
+            }
         }
         let Head { delimiter, decimal, header, body } = head::find(&first, known);
         first.drain(..body);
         let body = DataLines {
             lines,
             first: first.into_iter(),
+            cut_off,
             delimiter,
             number: body as u64,
             ready: Vec::new(),
@@ -215,7 +240,7 @@ impl<R: Read> Table<R> {
         match read {
             Ok(false) => return Ok(None),
             Ok(true) => {}
-            Err(error) => return Err(TableError::Broken(error.into())),
+            Err(error) => return Err(TableError::Broken { line, source: error.into() }),
         }
         self.count += 1;
         if self.count > self.limits.rows {
@@ -230,6 +255,8 @@ struct DataLines<R: Read> {
     lines: Lines<R>,
     /// Lines that were read to find the head.
     first: std::vec::IntoIter<String>,
+    /// The end of a file that is cut off among them.
+    cut_off: Option<TableError>,
     /// A tab at either end of a line may be one; blanks count as one.
     delimiter: u8,
     /// Lines of the file so far.
@@ -256,7 +283,10 @@ impl<R: Read> DataLines<R> {
         while self.ready.is_empty() {
             let next = match self.first.next() {
                 Some(line) => Some(line),
-                None => self.lines.next_line()?,
+                None => match self.cut_off.take() {
+                    Some(error) => return Err(error),
+                    None => self.lines.next_line()?,
+                },
             };
             let Some(line) = next else { return Ok(()) };
             self.number += 1;

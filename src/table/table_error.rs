@@ -25,9 +25,22 @@ pub enum TableError {
     /// The file cannot be opened.
     #[error("{0}; check the name and the permission")]
     Io(#[from] std::io::Error),
-    /// The file cannot be read to its end: packed and cut off, say.
-    #[error("breaks off: {0}; copy or pack it again")]
-    Broken(std::io::Error),
+    /// The file cannot be read to its end.
+    #[error(
+        "line {line}: cannot be read on: {source}; copy or pack it again (what stands above may be damaged, too)"
+    )]
+    Broken {
+        /// The line, counted from 1.
+        line: u64,
+        /// The fault.
+        source: std::io::Error,
+    },
+    /// A packed file ends before its end: its recorder or a copy was stopped.
+    #[error("line {line}: the packed file is cut off here; copy or pack it again")]
+    CutOff {
+        /// The first line that is not whole, counted from 1.
+        line: u64,
+    },
     /// A folder, a device or a pipe.
     #[error("is {kind}, not a file; give a CSV file")]
     NotAFile {

@@ -21,7 +21,7 @@ pub(super) struct Lines<R: Read> {
 impl<R: Read> Lines<R> {
     pub fn new(reader: R, limit: u64) -> Result<Self, TableError> {
         let mut reader = BufReader::with_capacity(1 << 16, reader);
-        let first = reader.fill_buf().map_err(cause)?;
+        let first = reader.fill_buf().map_err(|error| cause(error, 1))?;
         let (encoding, mark) = Encoding::of(first);
         // As programs wrote them on a Mac once, and some devices do.
         let end = if first.contains(&b'\r') && !first.contains(&b'\n') { b'\r' } else { b'\n' };
@@ -36,7 +36,10 @@ impl<R: Read> Lines<R> {
         match self.encoding {
             Encoding::Bytes => {
                 let most = LONGEST_LINE.min(self.left.saturating_add(1));
-                (&mut self.reader).take(most).read_until(self.end, &mut bytes).map_err(cause)?;
+                (&mut self.reader)
+                    .take(most)
+                    .read_until(self.end, &mut bytes)
+                    .map_err(|error| cause(error, self.number))?;
             }
             Encoding::Wide { width, low_first } => {
                 let mut unit = [0; 4];
@@ -62,7 +65,10 @@ impl<R: Read> Lines<R> {
     /// The bytes of a unit; those of half a one at the end are dropped.
     fn unit(&mut self, unit: &mut [u8]) -> Result<bool, TableError> {
         for byte in unit {
-            let Some(&next) = self.reader.fill_buf().map_err(cause)?.first() else { return Ok(false) };
+            let Some(&next) = self.reader.fill_buf().map_err(|error| cause(error, self.number))?.first()
+            else {
+                return Ok(false);
+            };
             *byte = next;
             self.reader.consume(1);
         }
@@ -72,6 +78,9 @@ impl<R: Read> Lines<R> {
     fn decoded(&mut self, bytes: Vec<u8>) -> String {
         let (mut text, latin1) = self.encoding.decode(bytes);
         self.latin1 |= latin1;
+        if !text.is_ascii() {
+            text = plain_numbers(&text);
+        }
         if text.ends_with(['\n', char::from(self.end)]) {
             text.pop();
         }
@@ -79,11 +88,28 @@ impl<R: Read> Lines<R> {
     }
 }
 
-/// The limit that stopped an unpacking, or the operating system's error.
-fn cause(error: std::io::Error) -> TableError {
+/// Text with an ASCII minus, and without the hard or thin blanks between the figures of a number.
+fn plain_numbers(text: &str) -> String {
+    let is_figure = |letter: Option<char>| letter.is_some_and(|letter| letter.is_ascii_digit());
+    let mut plain = String::with_capacity(text.len());
+    let mut letters = text.chars().peekable();
+    while let Some(letter) = letters.next() {
+        match letter {
+            '\u{2212}' => plain.push('-'),
+            '\u{a0}' | '\u{2009}' | '\u{202f}'
+                if is_figure(plain.chars().next_back()) && is_figure(letters.peek().copied()) => {}
+            other => plain.push(other),
+        }
+    }
+    plain
+}
+
+/// The limit that stopped an unpacking, its early end, or the operating system's error.
+fn cause(error: std::io::Error, line: u64) -> TableError {
     match error.downcast::<TableError>() {
         Ok(error) => error,
-        Err(error) => TableError::Broken(error),
+        Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => TableError::CutOff { line },
+        Err(source) => TableError::Broken { line, source },
     }
 }
 

@@ -2,7 +2,7 @@
 
 /// Seconds since 1970, whole ones and the fraction, of `2024-05-01T12:00:00.02`, `20240501T120000.02`, or of
 /// `01.05.2024 12:00:00`. A blank for the `T`, `,` for the point, and `Z`, `UTC` or `+02:00` at the end are known, too.
-/// The time of day alone counts from midnight. `None` for anything else: `05/01/2024` is May in one country and January
+/// The time of day alone counts from midnight; `12:00:00:020` has thousandths, `1:05.25` is minutes and seconds. `None` for anything else: `05/01/2024` is May in one country and January
 /// in another.
 ///
 /// ```
@@ -14,6 +14,8 @@
 /// assert_eq!(seconds("19700102T020001+02:00"), Some((86_401, 0.0)));
 /// assert_eq!(seconds("1970/01/02 00:00:01 UTC"), Some((86_401, 0.0)));
 /// assert_eq!(seconds("00:01:01.25"), Some((61, 0.25)));
+/// assert_eq!(seconds("9:00:01:250"), Some((32_401, 0.25)));
+/// assert_eq!(seconds("1:05.25"), Some((65, 0.25)));
 /// assert_eq!(seconds("1970_01_02"), None);
 /// ```
 #[must_use]
@@ -40,13 +42,22 @@ pub fn seconds(text: &str) -> Option<(i64, f64)> {
         None => (time, 0),
         Some(at) => (time[..at].trim_end(), zone(&time[at..])?),
     };
-    let (clock, fraction) = time.split_once(['.', ',']).unwrap_or((time, "0"));
+    let thousandths = || time.rsplit_once(':').filter(|(clock, part)| part.len() == 3 && clock.contains(':'));
+    let (clock, fraction) = time.split_once(['.', ',']).or_else(thousandths).unwrap_or((time, "0"));
     if fraction.is_empty() || !fraction.bytes().all(|byte| byte.is_ascii_digit()) {
         return None;
     }
     let (hour, minute, second) = if clock.len() == 5 && date.is_some() {
         let (hour, minute) = clock.split_once(':')?;
         (digits(hour, 2)?, digits(minute, 2)?, 0)
+    } else if let (None, Some((minute, second))) =
+        (date, clock.split_once(':').filter(|(_, rest)| rest.len() == 2))
+    {
+        // Without a fraction it may be hours and minutes.
+        let minute = minute.parse::<u16>().ok().filter(|_| clock.len() < time.len())?;
+        (i64::from(minute / 60), i64::from(minute % 60), digits(second, 2)?)
+    } else if clock.as_bytes().get(1) == Some(&b':') {
+        three(clock, ':', [1, 2, 2])?
     } else {
         three(clock, ':', [2, 2, 2])?
     };

@@ -3,9 +3,10 @@
 
 use rfl_mpc::diagnose::simulated::{Conditions, drive};
 use rfl_mpc::diagnose::{Diagnosis, Options, diagnose};
-use rfl_mpc::log::CleanLog;
+use rfl_mpc::log::{CleanLog, DriveLog, Finding, FindingSeverity, UnusableLog};
 use rfl_mpc::vehicle::{CarParameters, TruckEffects, builtin};
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// The default car.
 pub fn car() -> CarParameters {
@@ -51,6 +52,30 @@ pub fn clean(columns: BTreeMap<&'static str, Vec<f64>>) -> CleanLog {
         columns,
         commanded: true,
         valid: vec![true; rows],
+        coarse: BTreeMap::new(),
         findings: Vec::new(),
     }
+}
+
+/// Columns of a log, for a change of one's own.
+pub type Columns = BTreeMap<&'static str, Vec<f64>>;
+
+/// The columns of [`log`] as a recorder would write them.
+pub fn columns(seed: u64, put_in: &[(&str, f64)]) -> Columns {
+    let mut log = log(seed, put_in);
+    log.columns.insert("time", log.time);
+    log.columns
+}
+
+/// The clean log of columns as they are in a file.
+pub fn cleaned(columns: Columns) -> Result<CleanLog, UnusableLog> {
+    let columns = columns.into_iter().map(|(name, values)| (name.to_owned(), values)).collect();
+    let log = DriveLog::from_columns(Path::new("log.csv"), columns).unwrap();
+    CleanLog::of(&log, &|speed| 2.7 + 0.002 * speed * speed)
+}
+
+/// Words about a column, of this gravity and above.
+pub fn said(findings: &[Finding], column: &str, least: FindingSeverity) -> String {
+    let of = findings.iter().filter(|it| it.gravity >= least && it.signal.as_deref() == Some(column));
+    of.map(|finding| finding.summary.as_str()).collect::<Vec<_>>().join("; ")
 }

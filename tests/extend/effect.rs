@@ -100,7 +100,15 @@ fn log(progression: f64) -> CleanLog {
         car.step(&CarInput { steer_cmd: progressive(steer_cmd, progression), accel_cmd }, STEP).unwrap();
     }
     let valid = vec![true; time.len()];
-    CleanLog { step: STEP, time, columns, commanded: true, valid, findings: Vec::new() }
+    CleanLog {
+        step: STEP,
+        time,
+        columns,
+        commanded: true,
+        valid,
+        coarse: BTreeMap::new(),
+        findings: Vec::new(),
+    }
 }
 
 fn verdict(progression: f64, own: bool) -> Report {

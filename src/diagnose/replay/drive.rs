@@ -1,7 +1,7 @@
 //! A log prepared for the replay.
 
 use super::channel::{CHANNELS, Channel};
-use crate::log::CleanLog;
+use crate::log::{CleanLog, Coarseness};
 use crate::signal::{self, Signal};
 use std::collections::BTreeMap;
 
@@ -47,6 +47,8 @@ pub struct ReplayDrive {
     pub accel: Vec<f64>,
     /// Other columns by signal.
     pub columns: BTreeMap<&'static str, Vec<f64>>,
+    /// Columns that are written in steps.
+    pub coarse: BTreeMap<&'static str, Coarseness>,
     /// Stretches to replay: rows from, to.
     pub stretches: Vec<(usize, usize)>,
     /// True for each row that is compared.
@@ -146,6 +148,7 @@ impl ReplayDrive {
             steer,
             accel,
             columns,
+            coarse: log.coarse.clone(),
             stretches,
             scored,
             channels,
@@ -264,6 +267,7 @@ fn halved(log: &CleanLog) -> CleanLog {
                 (i.saturating_sub(1)..=i + 1).all(|i| i >= rows || log.valid.get(i).copied().unwrap_or(false))
             })
             .collect(),
+        coarse: log.coarse.clone(),
         findings: Vec::new(),
     }
 }
@@ -323,6 +327,7 @@ mod tests {
             columns: columns.into(),
             commanded: true,
             valid: vec![true; rows],
+            coarse: BTreeMap::new(),
             findings: Vec::new(),
         };
         let drive = ReplayDrive::new(&log, truck);

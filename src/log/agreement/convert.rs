@@ -1,8 +1,8 @@
 //! Columns in foreign units, told by their relations to others: converted.
 
 use super::ratios::{
-    LEANING, Leaning, STEEP, bend, blocks, change_over, errors, gravity, lateral, near, station_factor,
-    steered, way, winding,
+    LEANING, Leaning, SLIGHT, STEEP, bend, blocks, change_over, errors, gravity, lateral, near,
+    station_factor, steered, turning, way, winding,
 };
 use crate::log::clean_log::CleanLog;
 use crate::log::finding::FindingSeverity;
@@ -127,6 +127,7 @@ fn evidence(column: &str, (_, unit): LogUnit, shown: &Shown) -> String {
         "x" => format!("x and y move {unit:.3} times as fast as vx says"),
         "station" => format!("the station moves {unit:.3} times as fast as vx says"),
         "ay" => "ay is a tenth of vx * yaw_rate".into(),
+        "yaw_rate" if unit < 1.0 => "yaw_rate is a 57th of what ay tells".into(),
         "yaw_rate" => "yaw_rate is 57 times what ay tells".into(),
         "curvature_rate" => "curvature_rate is 1000 times what the curvature's change tells".into(),
         _ => "curvature is 1000 times what the turns tell".into(),
@@ -234,6 +235,12 @@ fn mend_angles(log: &mut CleanLog, factors: &mut Factors) {
     }
 }
 
+/// True if a log tells of lateral accelerations that nobody drives to be diagnosed.
+fn hardly_turns(log: &CleanLog) -> bool {
+    let lateral = turning(log).map(|lateral| lateral.into_iter().map(f64::abs).collect());
+    lateral.and_then(|lateral| quantile(lateral, 0.98)).is_some_and(|lateral| lateral < SLIGHT)
+}
+
 /// Steering angles in degrees: converted. `steering` is the road-wheel angle for a unit of curvature at a speed.
 pub(in crate::log) fn mend_steering(
     log: &mut CleanLog,
@@ -244,6 +251,14 @@ pub(in crate::log) fn mend_steering(
         let factor = steered(log, column, steering).map_or(1.0, |slope| slope.factor.abs());
         if (40.0..80.0).contains(&factor) {
             scale(log, factors, column, DEGREE);
+            if hardly_turns(log) {
+                let words = format!(
+                    "{column} is {factor:.0} times what the turns need, and these are too slight for a drive: is yaw_rate in rad/s \
+                     though the file names deg/s, or was it converted twice? Give it in rad/s"
+                );
+                log.find(FindingSeverity::Suspicion, "yaw_rate", words);
+                continue;
+            }
             let words = format!(
                 "{column} is {factor:.0} times what the turns need: taken as degrees and converted to radians"
             );

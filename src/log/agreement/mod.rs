@@ -17,5 +17,5 @@ mod ratios;
 mod signs;
 
 pub(super) use convert::{Factors, mend_steering, mend_units};
-pub(super) use ratios::{impossible_yaw_rate, near, turn_factor, way_factor};
+pub(super) use ratios::{impossible_yaw_rate, is_yaw_rate_wrong, near, turn_factor, way_factor};
 pub(super) use signs::{check, check_errors};

@@ -5,6 +5,7 @@ use crate::log::kinematics;
 use crate::numerics::statistics::{Slope, median, quantile, slope};
 use crate::path::wrap_angle;
 use crate::vehicle::GRAVITY;
+use std::collections::BTreeMap;
 
 /// Rows farther apart in time belong to two drives, s.
 const ANOTHER_DRIVE: f64 = 9.9;
@@ -12,6 +13,10 @@ const ANOTHER_DRIVE: f64 = 9.9;
 const WRAP: f64 = 3.0;
 /// Lateral accelerations that no vehicle on a road reaches, m/s2.
 const IMPOSSIBLE: f64 = 40.0;
+/// Lateral acceleration in turns that are none, m/s2: a 57th of what any vehicle can.
+pub(super) const SLIGHT: f64 = 0.17;
+/// Two full turns, rad.
+const FEW_TURNS: f64 = 2.0 * std::f64::consts::TAU;
 /// Time over which the way driven is taken for a chord, s.
 const LONGEST_CHORD: f64 = 2.0;
 /// Lateral acceleration up to which tyres are linear, m/s2.
@@ -65,6 +70,32 @@ pub(super) fn way(log: &CleanLog) -> Option<f64> {
 pub(in crate::log) fn impossible_yaw_rate(vx: &[f64], yaw_rate: &[f64]) -> bool {
     let lateral = vx.iter().zip(yaw_rate).map(|(v, rate)| (v * rate).abs()).collect();
     quantile(lateral, 0.98).is_some_and(|lateral| lateral > IMPOSSIBLE)
+}
+
+/// True if yaw and yaw rate disagree by a factor because of the yaw rate, which has to be multiplied by it. By `ay`; or else by
+/// what is driven: no turn is impossibly fast, and not all are none. Where both pass, a yaw in radians has a few turns at most.
+pub(in crate::log) fn is_yaw_rate_wrong(columns: &BTreeMap<&'static str, Vec<f64>>, factor: f64) -> bool {
+    let (vx, rate, yaw) = (&columns["vx"], &columns["yaw_rate"], &columns["yaw"]);
+    let turning: Vec<f64> = vx.iter().zip(rate).map(|(v, rate)| v * rate).collect();
+    let Some(lateral) = quantile(turning.iter().map(|lateral| lateral.abs()).collect(), 0.98) else {
+        return false;
+    };
+    if let Some(slope) = columns.get("ay").and_then(|ay| slope(turning.into_iter().zip(ay.iter().copied()))) {
+        let told = slope.factor.abs().ln();
+        return (told - factor.ln()).abs() < told.abs();
+    }
+    let is_driven = |lateral: f64| (SLIGHT..IMPOSSIBLE).contains(&lateral);
+    match [is_driven(lateral), is_driven(factor * lateral)] {
+        [true, false] => false,
+        [false, true] => true,
+        _ if factor < 1.0 => true,
+        _ => {
+            let finite = yaw.iter().copied().filter(|yaw| yaw.is_finite());
+            let (low, high) =
+                finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), yaw| (a.min(yaw), b.max(yaw)));
+            high - low < FEW_TURNS
+        }
+    }
 }
 
 /// A factor that is, within 15 %, the one for a unit.

@@ -1,0 +1,49 @@
+//! Noise of a column by its third differences: no motion reaches these.
+
+use crate::numerics::statistics::median;
+use std::ops::Range;
+
+/// Differences beyond so many usual ones count as so many: a glitch is none of the noise.
+const FAR: f64 = 4.0;
+/// Correlation of third differences of white noise from row to row, and the distance within which it is that.
+const WHITE: f64 = -0.75;
+const NEARLY: f64 = 0.07;
+
+/// Correlation of a column's third differences.
+pub(super) struct Correlation {
+    differences: Vec<Vec<f64>>,
+    power: f64,
+}
+
+impl Correlation {
+    /// `None` without any difference.
+    pub fn of(values: &[f64], spans: &[Range<usize>]) -> Option<Self> {
+        let third = |v: &[f64]| v[3] - 3.0 * v[2] + 3.0 * v[1] - v[0];
+        let mut differences: Vec<Vec<f64>> =
+            spans.iter().map(|span| values[span.clone()].windows(4).map(third).collect()).collect();
+        let sizes = differences.iter().flatten().map(|it| it.abs()).filter(|it| it.is_finite()).collect();
+        let most = FAR * median(sizes)? / 0.6745;
+        for it in differences.iter_mut().flatten() {
+            *it = if it.is_finite() { it.clamp(-most, most) } else { 0.0 };
+        }
+        let power = differences.iter().flatten().map(|it| it * it).sum();
+        (power > 0.0).then_some(Self { differences, power })
+    }
+
+    /// With those so many rows later.
+    pub fn at(&self, apart: usize) -> f64 {
+        let product =
+            |part: &Vec<f64>| part.iter().zip(part.iter().skip(apart)).map(|(a, b)| a * b).sum::<f64>();
+        self.differences.iter().map(product).sum::<f64>() / self.power
+    }
+
+    /// Number of differences.
+    pub fn count(&self) -> usize {
+        self.differences.iter().map(Vec::len).sum()
+    }
+}
+
+/// True if the differences of a column are those of white noise.
+pub(super) fn has_own_noise(values: &[f64], spans: &[Range<usize>]) -> bool {
+    Correlation::of(values, spans).is_some_and(|correlation| (correlation.at(1) - WHITE).abs() < NEARLY)
+}
