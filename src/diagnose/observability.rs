@@ -262,7 +262,8 @@ mod tests {
         ];
         let valid = vec![true; time.len()];
         let columns = columns.into();
-        let log = CleanLog { step: 0.02, time, columns, commanded: true, valid, findings: Vec::new() };
+        let (coarse, findings) = Default::default();
+        let log = CleanLog { step: 0.02, time, columns, commanded: true, coarse, valid, findings };
         ReplayDrive::new(&log, false)
     }
 
