@@ -286,6 +286,25 @@ def test_over_many_fleets_intervals_hold_alarms_are_few_and_changes_are_named_in
     assert alarms <= 1e-3 * fleets * vehicles * drives
 
 
+def test_drives_whose_fits_are_far_apart_agree_on_a_stiffness(fleet):
+    """A gap that is the logarithm's (between a stiffness and its inverse), each drive linear about a fit of its own."""
+    row = {"name": "effect.roll_stiffness", "given": 1.0, "unit": "1", "tolerance": 0.07, "change": 0.5}
+    row |= {"least": -0.7, "greatest": 4.0}
+    truth, noise = 1.6, 0.02
+    summaries = []
+    for fit in (1.0, 1.2, 1.6, 2.0):
+        slope = 1.0 / fit
+        gap = math.log(truth) - math.log(fit)
+        summaries.append({"parameters": [row | {"value": fit - 1.0}], "precision": [(slope / noise) ** 2],
+                          "gradient": [slope * gap / noise**2], "temper": 1.0})  # fmt: skip
+    drives = fleet.summary.drives_of(summaries)
+    (parameter,) = drives.parameters
+    for precision, shift in zip(drives.precision, drives.shift):
+        assert parameter.value(float(shift[0] / precision[0, 0])) == pytest.approx(truth)
+    assert parameter.value(parameter.greatest / parameter.scale) == pytest.approx(5.0)
+    assert parameter.value(parameter.least / parameter.scale) == pytest.approx(0.3)
+
+
 def lighter(fleet, rng, kilograms, vehicles=6, drives=8):
     """Sisters whose mass is not the file's; a load has a place, which shifts the response as the CG does."""
     file = fleet.summary.parameters_of([{"parameters": [

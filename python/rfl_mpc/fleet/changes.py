@@ -164,7 +164,8 @@ class Vehicle:
         parameter = self.parameters[kind.places[0]]
         level = self._levels(count, known, mean, before=False)[:, kind.places[0]] + self.mean[kind.places[0]]
         deviation = np.sqrt(np.maximum(solved[:, 0, 0], 0.0)) * (1.0 if parameter.reciprocal else parameter.scale)
-        return np.array([parameter.value(one) for one in level + found[:, 0]]), deviation
+        values = np.array([parameter.value(one) for one in level + found[:, 0]])
+        return values, deviation * values / parameter.given if parameter.is_logarithm else deviation
 
     def offsets(self, known: Known) -> tuple[np.ndarray, np.ndarray]:
         """What changes add to each drive's parameters, ``(drives, parameters)``: those since a later drive; all."""

@@ -5,13 +5,15 @@ gradient ``g`` and fit ``x`` it is, of the parameters' differences ``theta`` fro
 
     log L(theta) = h' theta - theta' G theta / 2 + const,        h = g + G x,
 
-so that drives add up. A diagnosis tempers its likelihood, for one log cannot tell how far its model's form is off; a
-fleet can, by what its drives scatter beyond it (``hierarchy.py``), and takes the temper out. Parameters are scaled
-by their tolerance (without one by the size of what is named): numbers of order 1.
+so that drives add up. A stiffness is taken by its logarithm, with the slope at ``x``. A diagnosis tempers its
+likelihood, for one log cannot tell how far its model's form is off; a fleet can, by what its drives scatter beyond it
+(``hierarchy.py``), and takes the temper out. Parameters are scaled by their tolerance (without one by the size of what
+is named): numbers of order 1.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -24,6 +26,12 @@ ENVIRONMENT = frozenset(f"effect.{name}" for name in ("wind_x", "wind_y", "road_
 
 MASSES = {"vehicle.mass": "effect.payload", "tractor.mass": "effect.payload", "trailer.mass": "effect.trailer_payload"}
 """Masses of a vehicle file, and what loads them. A load is not below zero: in a lighter vehicle the mass is wrong."""
+
+STIFFNESSES = frozenset(
+    f"effect.{name}" for name in ("tyre_stiffness_front", "tyre_stiffness_rear", "roll_stiffness", "trailer_stiffness")
+)
+"""Factors that act by their inverse where the motion gives the forces, and by themselves where it gives the angles:
+their logarithm lies between. A drive's fit may be far from what all drives say, and is linear about itself."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +60,16 @@ class Parameter:
     def scale(self) -> float:
         return self.tolerance or self.change or 1.0
 
+    @property
+    def is_logarithm(self) -> bool:
+        """Whether differences are those of the logarithm, times what is ``given``."""
+        return self.name in STIFFNESSES and self.given > 0.0
+
     def value(self, scaled: float) -> float:
         """The value that a scaled difference stands for."""
         off = scaled * self.scale
+        if self.is_logarithm:
+            return self.given * math.exp(off / self.given)
         if self.reciprocal:
             return 1.0 / off if off > 0.0 else float("inf")
         return self.given + off
@@ -105,6 +120,10 @@ def parameters_of(summaries: Iterable[Mapping[str, Any]]) -> tuple[Parameter, ..
     for mass, load in MASSES.items():
         if mass in all and load in all:
             all[mass] = replace(all[mass], change=all[load].change, least=-all[mass].given, greatest=0.0)
+    for name, it in all.items():
+        if it.is_logarithm:
+            least, greatest = (it.given * math.log(max(1.0 + end / it.given, 1e-3)) for end in (it.least, it.greatest))
+            all[name] = replace(it, least=least, greatest=greatest)
     return tuple(all.values())
 
 
@@ -114,6 +133,8 @@ def drives_of(summaries: Sequence[Mapping[str, Any]], parameters: tuple[Paramete
     place = {parameter.name: i for i, parameter in enumerate(parameters)}
     scale = np.array([parameter.scale for parameter in parameters])
     count = len(parameters)
+    logarithm = np.array([parameter.is_logarithm for parameter in parameters])
+    given = np.array([parameter.given if parameter.is_logarithm else 1.0 for parameter in parameters])
     precision, shift = np.zeros((len(summaries), count, count)), np.zeros((len(summaries), count))
     for row, summary in enumerate(summaries):
         own = summary["parameters"]
@@ -123,7 +144,10 @@ def drives_of(summaries: Sequence[Mapping[str, Any]], parameters: tuple[Paramete
         full += np.tril(full, -1).T
         full /= summary["temper"]
         value = np.array([one["value"] for one in own])
-        size = scale[at]
+        # Slopes by a logarithm are those at the drive's fit.
+        ratio = np.where(logarithm[at], 1.0 + value / given[at], 1.0)
+        value = np.where(logarithm[at], given[at] * np.log(ratio), value)
+        size = scale[at] * ratio
         precision[row][np.ix_(at, at)] = full * np.outer(size, size)
-        shift[row][at] = (np.asarray(summary["gradient"]) / summary["temper"] + full @ value) * size
+        shift[row][at] = (np.asarray(summary["gradient"]) / summary["temper"] + full @ (ratio * value)) * size
     return Drives(parameters, precision, shift)
