@@ -7,7 +7,7 @@
 //! ```
 //!
 //! so that the noise of `u`, which differences of a higher order leave, comes back `w` rows later with the other sign: their
-//! correlation is -1/2 at `w` rows and has the opposite sign beside it. No motion and no other filter does that. The mean is
+//! correlation is -1/2 at `w` rows and 1/3 beside it. No motion and no other filter does that. The mean is
 //! `(w - 1) / 2` rows late if its rows lie before it, and not late if they lie on either side. The column does not say which, and a
 //! steering that is late looks like a cause. Smoothed speeds, places and headings are told by their relations ([`super::late`]).
 
@@ -18,9 +18,9 @@ use std::ops::Range;
 
 /// Windows that are looked for, rows: shorter ones are late by less than what sensors differ by.
 const WINDOWS: Range<usize> = 4..200;
-/// Correlation of third differences at the window, and beside it.
-const BACK: f64 = -0.4;
-const BESIDE: f64 = 0.2;
+/// Correlation of third differences at the window, -1/2, and beside it, 1/3.
+const BACK: Range<f64> = -0.6..-0.4;
+const BESIDE: Range<f64> = 0.2..0.47;
 /// Correlation over two rows from which on a column jumps to and fro.
 const TO_AND_FRO: f64 = 0.6;
 /// Fewest differences for each row of the longest window.
@@ -79,10 +79,11 @@ fn window(log: &LogRows, name: &str) -> Option<usize> {
 
 fn window_of(values: &[f64], spans: &[Range<usize>]) -> Option<usize> {
     let correlation = Correlation::of(values, spans).filter(|it| it.at(2) < TO_AND_FRO)?;
-    (WINDOWS.start..WINDOWS.end.min(correlation.count() / FEWEST)).find(|&rows| {
-        let [before, at, after] = [rows - 1, rows, rows + 1].map(|apart| correlation.at(apart));
-        at < BACK && before > BESIDE && after > BESIDE
-    })
+    // The first that correlates at all beyond the difference itself: a held value does where it changes.
+    let first = |apart: &usize| correlation.at(*apart).abs() > BESIDE.start;
+    let rows = (WINDOWS.start - 1..WINDOWS.end.min(correlation.count() / FEWEST)).find(first)? + 1;
+    let [before, at, after] = [rows - 1, rows, rows + 1].map(|apart| correlation.at(apart));
+    (BACK.contains(&at) && BESIDE.contains(&before) && BESIDE.contains(&after)).then_some(rows)
 }
 
 #[cfg(test)]
