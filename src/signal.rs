@@ -179,6 +179,11 @@ pub fn find(name: &str) -> Option<&'static Signal> {
     ALL.iter().find(|signal| signal.name == name)
 }
 
+/// A column's name as names of signals are written: `Yaw Rate`, `YAW-RATE`.
+pub(crate) fn as_written(name: &str) -> String {
+    name.trim().to_ascii_lowercase().replace([' ', '-', '.'], "_")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

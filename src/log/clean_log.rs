@@ -1,7 +1,7 @@
 //! A log on an even clock, mended, and the reasons for which there is none.
 
+use super::error::perhaps;
 use super::finding::{Finding, FindingSeverity};
-use super::read::perhaps;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 

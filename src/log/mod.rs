@@ -25,6 +25,7 @@
 //! | `saturated.rs` | sensors at the end of their range |
 //! | `held.rs` | values that a recorder has filled in between samples |
 //! | `coarse.rs` | numbers that are written more coarsely than the quantity moves |
+//! | `error.rs` | reasons for which a log cannot be used |
 //! | `only.rs` | rows of one vehicle among those of several |
 //! | `mixed.rs` | rows of two recordings in turn |
 //! | `differences.rs` | noise by third differences |
@@ -47,6 +48,7 @@ mod clock;
 mod coarse;
 mod description;
 mod differences;
+mod error;
 mod even;
 mod finding;
 mod frozen;
@@ -68,10 +70,11 @@ mod steering;
 mod units;
 
 pub use clean_log::{CleanError, CleanLog, Coarseness, UnusableLog};
+pub use error::LogError;
 pub use finding::{Finding, FindingSeverity};
 pub use join::JoinError;
 pub use learn::{LearnError, drives_of};
 pub use only::Only;
-pub use read::{DriveLog, LogError};
+pub use read::DriveLog;
 pub use road::NotOnRoad;
 pub use steering::SteeringLog;

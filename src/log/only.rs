@@ -1,6 +1,7 @@
 //! Rows of one vehicle, or of one of something else, in a file with the rows of several.
 
-use super::read::{LogError, as_written};
+use super::error::LogError;
+use crate::signal::as_written;
 use crate::table::{Header, Row};
 use std::collections::BTreeSet;
 use std::path::Path;
