@@ -137,8 +137,11 @@ mod tests {
         let coarse: Vec<f64> = angle(5e-4).iter().map(|value| (200.0 * value).round() / 200.0).collect();
         assert_eq!(found(&coarse), None);
         let fine = angle(5e-4);
-        let held: Vec<f64> = (0..fine.len()).map(|row| fine[row / 5 * 5]).collect();
-        assert_eq!(found(&held), None);
+        // Held for some rows; for two and three in turn, as a command of 20 Hz in a log of 50 Hz.
+        for (rows, of) in [(5, 1), (2, 1), (5, 2), (7, 3)] {
+            let held: Vec<f64> = (0..fine.len()).map(|row| fine[row * of / rows * rows / of]).collect();
+            assert_eq!(found(&held), None, "{rows} / {of}");
+        }
         let lines: Vec<f64> = (0..fine.len())
             .map(|row| {
                 let (from, share) = (row / 5 * 5, (row % 5) as f64 / 5.0);
