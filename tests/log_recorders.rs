@@ -280,7 +280,7 @@ fn a_speed_in_whole_kilometres_an_hour_is_laid_on_lines_and_said() {
     let stepped = columns["vx"].clone();
     let log = cleaned(columns).unwrap();
     assert!(
-        said(&log.findings, "vx", FindingSeverity::Warning).contains("in steps of 1.0000"),
+        said(&log.findings, "vx", FindingSeverity::Note).contains("in steps of 1.0000"),
         "{:?}",
         log.findings
     );

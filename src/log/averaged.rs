@@ -7,20 +7,22 @@
 //! ```
 //!
 //! so that the noise of `u`, which differences of a higher order leave, comes back `w` rows later with the other sign: their
-//! correlation is -1/2 at `w` rows and 1/3 beside it. No motion and no other filter does that. The mean is
+//! correlation is -1/2 at `w` rows, 1/3 beside it, and -2/3 from row to row. No motion and no other filter does that. The mean is
 //! `(w - 1) / 2` rows late if its rows lie before it, and not late if they lie on either side. The column does not say which, and a
 //! steering that is late looks like a cause. Smoothed speeds, places and headings are told by their relations ([`super::late`]).
 
-use super::differences::{Correlation, has_own_noise};
+use super::differences::{Correlation, own_noise};
 use super::finding::FindingSeverity;
 use super::rows::LogRows;
 use std::ops::Range;
 
 /// Windows that are looked for, rows: shorter ones are late by less than what sensors differ by.
 const WINDOWS: Range<usize> = 4..200;
-/// Correlation of third differences at the window, -1/2, and beside it, 1/3.
-const BACK: Range<f64> = -0.6..-0.4;
-const BESIDE: Range<f64> = 0.2..0.47;
+/// Correlation of third differences from row to row, beside the window, and at it; and the distance within which it is that.
+const NEXT: f64 = -2.0 / 3.0;
+const BESIDE: f64 = 1.0 / 3.0;
+const BACK: f64 = -0.5;
+const NEARLY: f64 = 0.12;
 /// Correlation over two rows from which on a column jumps to and fro.
 const TO_AND_FRO: f64 = 0.6;
 /// Fewest differences for each row of the longest window.
@@ -37,7 +39,7 @@ pub(super) fn leave_out(log: &mut LogRows) {
             "{said}. An effect would be taken for that, or that for an effect: give it as it was measured"
         );
         log.find(FindingSeverity::Suspicion, name, words);
-    } else if has_own_noise(&log.columns["steer_cmd"], &log.spans) {
+    } else if own_noise(&log.columns["steer_cmd"], &log.spans).is_some() {
         log.find(FindingSeverity::Warning, name, format!("{said}: left out"));
         let all = 0..log.columns[name].len();
         log.leave_out(name, all);
@@ -80,10 +82,13 @@ fn window(log: &LogRows, name: &str) -> Option<usize> {
 fn window_of(values: &[f64], spans: &[Range<usize>]) -> Option<usize> {
     let correlation = Correlation::of(values, spans).filter(|it| it.at(2) < TO_AND_FRO)?;
     // The first that correlates at all beyond the difference itself: a held value does where it changes.
-    let first = |apart: &usize| correlation.at(*apart).abs() > BESIDE.start;
+    let first = |apart: &usize| correlation.at(*apart).abs() > BESIDE - NEARLY;
     let rows = (WINDOWS.start - 1..WINDOWS.end.min(correlation.count() / FEWEST)).find(first)? + 1;
-    let [before, at, after] = [rows - 1, rows, rows + 1].map(|apart| correlation.at(apart));
-    (BACK.contains(&at) && BESIDE.contains(&before) && BESIDE.contains(&after)).then_some(rows)
+    let pattern = [(1, NEXT), (rows - 1, BESIDE), (rows, BACK), (rows + 1, BESIDE)];
+    let is_told = pattern.iter().all(|&(apart, told)| (correlation.at(apart) - told).abs() < NEARLY);
+    // And nothing comes back a second time, as of what recurs.
+    let is_alone = (rows + 3..=2 * rows).all(|apart| !first(&apart));
+    (is_told && is_alone).then_some(rows)
 }
 
 #[cfg(test)]
@@ -130,8 +135,10 @@ mod tests {
     fn what_is_measured_filtered_held_or_without_noise_is_none() {
         assert_eq!(found(&angle(5e-4)), None);
         let whole = std::iter::once(0..3000).collect::<Vec<_>>();
-        assert!(has_own_noise(&angle(5e-4), &whole) && !has_own_noise(&angle(0.0), &whole));
-        assert!(!has_own_noise(&mean(&angle(5e-4), 10, 0), &whole));
+        // Six numbers between -1/2 and 1/2 have a standard deviation of the square root of a half.
+        assert!((own_noise(&angle(5e-4), &whole).unwrap() / 5e-4 - 0.5_f64.sqrt()).abs() < 0.05);
+        assert_eq!(own_noise(&angle(0.0), &whole), None);
+        assert_eq!(own_noise(&mean(&angle(5e-4), 10, 0), &whole), None);
         assert_eq!(found(&angle(0.0)), None);
         assert_eq!(found(&mean(&angle(0.0), 10, 0)), None);
         let coarse: Vec<f64> = angle(5e-4).iter().map(|value| (200.0 * value).round() / 200.0).collect();
@@ -149,6 +156,9 @@ mod tests {
             })
             .collect();
         assert_eq!(found(&lines), None);
+        let recurring: Vec<f64> =
+            (0..3000_u32).map(|row| f64::from(row % 89 * (row % 89) % 89) / 44.0 - 1.0).collect();
+        assert_eq!(found(&recurring), None);
         let mut low = 0.0;
         let passed: Vec<f64> = fine
             .iter()

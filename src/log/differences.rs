@@ -9,10 +9,14 @@ const FAR: f64 = 4.0;
 const WHITE: f64 = -0.75;
 const NEARLY: f64 = 0.07;
 
+/// Standard deviation of third differences of white noise of unit size.
+const OF_WHITE: f64 = 4.472_135_954_999_58;
+
 /// Correlation of a column's third differences.
 pub(super) struct Correlation {
     differences: Vec<Vec<f64>>,
     power: f64,
+    usual: f64,
 }
 
 impl Correlation {
@@ -22,12 +26,13 @@ impl Correlation {
         let mut differences: Vec<Vec<f64>> =
             spans.iter().map(|span| values[span.clone()].windows(4).map(third).collect()).collect();
         let sizes = differences.iter().flatten().map(|it| it.abs()).filter(|it| it.is_finite()).collect();
-        let most = FAR * median(sizes)? / 0.6745;
+        let usual = median(sizes)? / 0.6745;
+        let most = FAR * usual;
         for it in differences.iter_mut().flatten() {
             *it = if it.is_finite() { it.clamp(-most, most) } else { 0.0 };
         }
         let power = differences.iter().flatten().map(|it| it * it).sum();
-        (power > 0.0).then_some(Self { differences, power })
+        (power > 0.0).then_some(Self { differences, power, usual })
     }
 
     /// With those so many rows later.
@@ -43,7 +48,8 @@ impl Correlation {
     }
 }
 
-/// True if the differences of a column are those of white noise.
-pub(super) fn has_own_noise(values: &[f64], spans: &[Range<usize>]) -> bool {
-    Correlation::of(values, spans).is_some_and(|correlation| (correlation.at(1) - WHITE).abs() < NEARLY)
+/// Standard deviation of a column's noise, if its differences are those of white noise.
+pub(super) fn own_noise(values: &[f64], spans: &[Range<usize>]) -> Option<f64> {
+    let correlation = Correlation::of(values, spans)?;
+    ((correlation.at(1) - WHITE).abs() < NEARLY).then_some(correlation.usual / OF_WHITE)
 }

@@ -14,7 +14,7 @@
 //! a vehicle that stands, or one that has not moved before.
 
 use super::clean_log::STANDING;
-use super::differences::has_own_noise;
+use super::differences::own_noise;
 use super::finding::FindingSeverity;
 use super::rows::{LogRows, repeats};
 use crate::numerics::statistics::{median, quantile};
@@ -98,11 +98,18 @@ fn still(values: &[f64], span: &Range<usize>, shortest: usize) -> Vec<Range<usiz
         .collect()
 }
 
+/// Least difference between two values in a row.
+fn step_of(values: &[f64]) -> f64 {
+    let steps = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
+    steps.fold(f64::INFINITY, f64::min)
+}
+
 /// Leaves out stretches in which noisy sensors repeat themselves.
 fn leave_out_still(log: &mut LogRows, shortest: usize, moves: &dyn Fn(&Range<usize>) -> bool) {
     for name in NOISY {
         let Some(values) = log.columns.get(name) else { continue };
-        if !has_own_noise(values, &log.spans) {
+        // Where the numbers' steps are larger than the noise, a quantity that hardly moves repeats itself.
+        if own_noise(values, &log.spans).is_none_or(|noise| noise < step_of(values)) {
             continue;
         }
         let of_span = |span: &Range<usize>| still(values, span, shortest);
