@@ -1,59 +1,14 @@
 //! Hosts whose steps are longer than the controller's sample time: the vehicle stays on its road, and the host is told.
 
+use crate::unit::Unit;
 use rfl_mpc::control::SHOWN_HORIZON;
-use rfl_mpc::fmi::{Context, Log, Model, ModelError, Severity, Value, Values};
+use rfl_mpc::fmi::{Model, Severity, Value};
 use rfl_mpc::fmu::{PassengerCar, RflMpc, SemiTrailerTruck, TruckRflMpc};
 use rfl_mpc::path::{RandomRoad, write_csv};
 use std::path::{Path, PathBuf};
 
-#[derive(Default)]
-struct Messages(Vec<(Severity, String)>);
-
-impl Log for Messages {
-    fn log(&mut self, severity: Severity, _category: &'static str, message: &str) {
-        self.0.push((severity, message.to_string()));
-    }
-}
-
-/// A model with its values, as an instance has them.
-struct Unit<M> {
-    model: M,
-    values: Values,
-    log: Messages,
-}
-
-impl<M: Model> Unit<M> {
-    fn new(settings: &[(&str, Value)]) -> Self {
-        let values = Values::starting_from(&M::declaration().variables);
-        let mut unit = Self { model: M::new(), values, log: Messages::default() };
-        settings.iter().for_each(|(name, value)| unit.set(name, value.clone()));
-        unit
-    }
-
-    fn vr(name: &str) -> usize {
-        M::declaration().find(name).unwrap_or_else(|| panic!("there is no variable {name}"))
-    }
-
-    fn set(&mut self, name: &str, value: Value) {
-        let vr = Self::vr(name);
-        self.values.set_by_host(vr, &M::declaration().variables[vr], value);
-    }
-
-    fn real(&self, name: &str) -> f64 {
-        self.values.real(Self::vr(name))
-    }
-
-    fn initialize(&mut self) -> Result<(), ModelError> {
-        self.model.initialize(&mut self.values, 0.0, &Context::default(), &mut self.log)
-    }
-
-    fn step(&mut self, time: f64, step: f64) -> Result<(), ModelError> {
-        self.model.step(&mut self.values, time, step, &mut self.log)
-    }
-}
-
 /// A controller and a vehicle in a host.
-struct Host<C, P> {
+struct Host<C: Model, P: Model> {
     controller: Unit<C>,
     plant: Unit<P>,
     time: f64,
@@ -68,15 +23,17 @@ impl<C: Model, P: Model> Host<C, P> {
     fn new(road: &Path, vehicle: &str, settings: &[(&str, Value)]) -> Self {
         let text = |text: &str| Value::String(text.to_owned());
         let (road, vehicle) = (text(road.to_str().unwrap()), text(vehicle));
-        let mut controller =
-            Unit::<C>::new(&[("path_file", road.clone()), ("vehicle_file", vehicle.clone())]);
-        settings.iter().for_each(|(name, value)| controller.set(name, value.clone()));
-        controller.initialize().unwrap();
-        let mut plant = Unit::<P>::new(&[("road_file", road), ("vehicle_file", vehicle)]);
-        for (name, start) in [("x", "x"), ("y", "y"), ("yaw", "yaw"), ("vx", "speed")] {
-            plant.set(&format!("initial.{name}"), Value::Real(controller.real(&format!("start.{start}"))));
-        }
-        plant.initialize().unwrap();
+        let of_controller = [("path_file", road.clone()), ("vehicle_file", vehicle.clone())];
+        let controller = Unit::<C>::new(&[&of_controller, settings].concat());
+        let start = |name: &str| Value::Real(controller.real(name));
+        let plant = Unit::<P>::new(&[
+            ("road_file", road),
+            ("vehicle_file", vehicle),
+            ("initial.x", start("start.x")),
+            ("initial.y", start("start.y")),
+            ("initial.yaw", start("start.yaw")),
+            ("initial.vx", start("start.speed")),
+        ]);
         let names = ["x", "y", "yaw", "vx", "vy", "yaw_rate", "steer", "articulation", "articulation_rate"];
         let pair =
             |from: &dyn Fn(&str) -> Option<usize>, to: &dyn Fn(&str) -> Option<usize>, names: &[&str]| {
@@ -94,18 +51,18 @@ impl<C: Model, P: Model> Host<C, P> {
         for &(from, to) in &self.measured {
             controller.values.set_real(to, plant.values.real(from));
         }
-        controller.step(self.time, step).unwrap();
+        controller.model.step(&mut controller.values, self.time, step, &mut controller.log).unwrap();
         self.worst = self.worst.max(controller.real("e1").abs());
         for &(from, to) in &self.commands {
             plant.values.set_real(to, controller.values.real(from));
         }
-        plant.step(self.time, step).unwrap();
+        plant.model.step(&mut plant.values, self.time, step, &mut plant.log).unwrap();
         self.time += step;
     }
 
     /// Drives to the road's end with steps by their number; at most three minutes.
     fn drive(&mut self, step: impl Fn(u32) -> f64) -> bool {
-        let finished = Unit::<C>::vr("finished");
+        let finished = C::declaration().find("finished").unwrap();
         for k in 0.. {
             self.step(step(k));
             if self.controller.values.boolean(finished) {

@@ -147,16 +147,8 @@ mod tests {
         // Slow at first, fast later: few samples in each of the later stretches.
         let station: Vec<f64> = (0..4000).map(|i| 1e-4 * f64::from(i * i) / 8.0).collect();
         let e1: Vec<f64> = station.iter().map(|s| (0.02 * s).sin() + noise()).collect();
-        let rows = station.len();
-        let log = CleanLog {
-            step: 0.02,
-            time: (0..rows).map(|i| 0.02 * i as f64).collect(),
-            columns: BTreeMap::from([("station", station.clone()), ("e1", e1)]),
-            commanded: true,
-            valid: vec![true; rows],
-            coarse: BTreeMap::new(),
-            findings: Vec::new(),
-        };
+        let columns = BTreeMap::from([("station", station.clone()), ("e1", e1)]);
+        let log = CleanLog::of_columns(0.02, columns);
         let (logged, noise) = logged(&log, &crate::path::sudoku::Route::SudokuTurns.path().unwrap()).unwrap();
         let exact = LateralErrorProfile::of(station.iter().map(|s| (*s, (0.02 * s).sin())));
         let (gap, _) = logged.gap(&exact);

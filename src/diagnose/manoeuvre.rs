@@ -203,13 +203,9 @@ fn log_of<V: ReplayVehicle>(planned: &Planned, scale: Scale, problem: &Problem<V
         }
     }
     CleanLog {
-        step: STEP,
-        time: (0..rows).map(at).collect(),
-        columns,
         commanded: problem.drive.commanded,
-        valid: vec![true; rows],
         coarse: problem.drive.coarse.clone(),
-        findings: Vec::new(),
+        ..CleanLog::of_columns(STEP, columns)
     }
 }
 

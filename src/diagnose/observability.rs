@@ -252,18 +252,14 @@ mod tests {
 
     /// A drive at 15 m/s with a yaw rate of this size, all to one side or in turn to both.
     fn driven(yaw_rate: f64, to_both: bool) -> ReplayDrive {
-        let time: Vec<f64> = (0..2000).map(|row| 0.02 * row as f64).collect();
-        let side = |time: &f64| if to_both { (0.5 * std::f64::consts::PI * time).sin() } else { 1.0 };
-        let sides: Vec<f64> = time.iter().map(side).collect();
+        let side = |row: usize| if to_both { (0.01 * std::f64::consts::PI * row as f64).sin() } else { 1.0 };
+        let sides: Vec<f64> = (0..2000).map(side).collect();
         let columns = [
             ("vx", vec![15.0; 2000]),
             ("yaw_rate", sides.iter().map(|side| yaw_rate * side).collect()),
             ("steer_cmd", sides.iter().map(|side| 0.03 * side).collect()),
         ];
-        let valid = vec![true; time.len()];
-        let columns = columns.into();
-        let (coarse, findings) = Default::default();
-        let log = CleanLog { step: 0.02, time, columns, commanded: true, coarse, valid, findings };
+        let log = CleanLog::of_columns(0.02, columns.into());
         ReplayDrive::new(&log, false)
     }
 

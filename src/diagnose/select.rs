@@ -85,19 +85,11 @@ mod tests {
         let rows = 200 * blocks.len();
         let of = |row: usize| blocks[row / 200];
         let column = |value: &dyn Fn(usize) -> f64| (0..rows).map(value).collect::<Vec<f64>>();
-        CleanLog {
-            step: 0.1,
-            time: column(&|row| 0.1 * row as f64),
-            columns: [
-                ("vx", column(&|row| of(row).0)),
-                ("steer_cmd", column(&|row| of(row).1 * (0.3 * row as f64).sin())),
-            ]
-            .into(),
-            commanded: true,
-            valid: vec![true; rows],
-            coarse: std::collections::BTreeMap::new(),
-            findings: Vec::new(),
-        }
+        let columns = [
+            ("vx", column(&|row| of(row).0)),
+            ("steer_cmd", column(&|row| of(row).1 * (0.3 * row as f64).sin())),
+        ];
+        CleanLog::of_columns(0.1, columns.into())
     }
 
     fn used(log: &CleanLog) -> Vec<usize> {

@@ -174,7 +174,6 @@ pub fn drive<V: DrivableVehicle>(
     let mut plant = real.make(&real_effects, wanted_speed(0.0))?;
     let rows = (duration / step) as usize;
     let mut columns: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
-    let (mut time, mut valid) = (Vec::new(), Vec::new());
     let mut noise = Random::stream(seed, 3);
     let count = if V::TRUCK { 12 } else { 10 };
     let mut wander = 0.0;
@@ -191,8 +190,6 @@ pub fn drive<V: DrivableVehicle>(
         let steer_cmd =
             (ideal + wander + shake + 0.2 * (yaw_rate - sensed[5]) * vehicle.reach() / v).clamp(-0.3, 0.3);
         let accel_cmd = (0.8 * (wanted_speed(t) - vx) + 0.3 * quick.at(0.5 * t)).clamp(-3.5, 2.0);
-        time.push(t);
-        valid.push(true);
         columns.entry("steer_cmd").or_default().push(steer_cmd);
         columns.entry("accel_cmd").or_default().push(accel_cmd);
         for i in 0..count {
@@ -201,15 +198,7 @@ pub fn drive<V: DrivableVehicle>(
         }
         V::drive(&mut plant, &VehicleInput { steer_cmd, accel_cmd }, step).ok()?;
     }
-    Some(CleanLog {
-        step,
-        time,
-        columns,
-        commanded: true,
-        valid,
-        coarse: BTreeMap::new(),
-        findings: Vec::new(),
-    })
+    Some(CleanLog::of_columns(step, columns))
 }
 
 /// The vehicle and its effects with a background drawn from the tolerances.
@@ -218,15 +207,7 @@ fn background<V: ReplayVehicle>(
     effects: &TruckEffects,
     conditions: &Conditions,
 ) -> (V, TruckEffects) {
-    let log = CleanLog {
-        step: 0.01,
-        time: Vec::new(),
-        columns: BTreeMap::new(),
-        commanded: true,
-        valid: Vec::new(),
-        coarse: BTreeMap::new(),
-        findings: Vec::new(),
-    };
+    let log = CleanLog::of_columns(0.01, BTreeMap::new());
     let uncertain: Vec<UncertainParameter> =
         uncertain::uncertain_parameters(vehicle, &ReplayDrive::new(&log, V::TRUCK), Library::default());
     let mut random = Random::stream(conditions.seed, 2);

@@ -51,6 +51,21 @@ impl Coarseness {
 }
 
 impl CleanLog {
+    /// Of columns on an even clock from 0 on, with the command, every row valid and nothing to be said.
+    #[must_use]
+    pub fn of_columns(step: f64, columns: BTreeMap<&'static str, Vec<f64>>) -> Self {
+        let rows = columns.values().next().map_or(0, Vec::len);
+        Self {
+            step,
+            time: (0..rows).map(|row| row as f64 * step).collect(),
+            columns,
+            commanded: true,
+            valid: vec![true; rows],
+            coarse: BTreeMap::new(),
+            findings: Vec::new(),
+        }
+    }
+
     /// Notes a finding about a column.
     pub(super) fn find(&mut self, gravity: FindingSeverity, column: &str, words: String) {
         self.findings.push(Finding::new(gravity, Some(column), words));

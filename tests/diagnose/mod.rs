@@ -45,16 +45,7 @@ pub fn singles() -> Options {
 
 /// A clean log of these columns, 50 rows a second.
 pub fn clean(columns: BTreeMap<&'static str, Vec<f64>>) -> CleanLog {
-    let rows = columns.values().next().map_or(0, Vec::len);
-    CleanLog {
-        step: 0.02,
-        time: (0..rows).map(|i| 0.02 * i as f64).collect(),
-        columns,
-        commanded: true,
-        valid: vec![true; rows],
-        coarse: BTreeMap::new(),
-        findings: Vec::new(),
-    }
+    CleanLog::of_columns(0.02, columns)
 }
 
 /// Columns of a log, for a change of one's own.

@@ -76,7 +76,6 @@ fn log(progression: f64) -> CleanLog {
     car.place(0.0, 0.0, 0.0, 12.0);
     let mut random = Random::new(5);
     let mut columns: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
-    let mut time = Vec::new();
     for k in 0..3000 {
         let t = f64::from(k) * STEP;
         let amplitude = 0.05 * (1.0 + (0.11 * t).sin());
@@ -96,19 +95,9 @@ fn log(progression: f64) -> CleanLog {
         for (name, value) in row {
             columns.entry(name).or_default().push(value);
         }
-        time.push(t);
         car.step(&CarInput { steer_cmd: progressive(steer_cmd, progression), accel_cmd }, STEP).unwrap();
     }
-    let valid = vec![true; time.len()];
-    CleanLog {
-        step: STEP,
-        time,
-        columns,
-        commanded: true,
-        valid,
-        coarse: BTreeMap::new(),
-        findings: Vec::new(),
-    }
+    CleanLog::of_columns(STEP, columns)
 }
 
 fn verdict(progression: f64, own: bool) -> Report {

@@ -9,10 +9,21 @@ impl Log for Silent {
     fn log(&mut self, _severity: Severity, _category: &'static str, _message: &str) {}
 }
 
+/// Keeps what is said.
+#[derive(Default)]
+pub struct Messages(pub Vec<(Severity, String)>);
+
+impl Log for Messages {
+    fn log(&mut self, severity: Severity, _category: &'static str, message: &str) {
+        self.0.push((severity, message.to_owned()));
+    }
+}
+
 /// An FMI unit with its values, as an FMI host handles it.
 pub struct Unit<M: Model> {
     pub model: M,
     pub values: Values,
+    pub log: Messages,
 }
 
 impl<M: Model> Unit<M> {
@@ -25,8 +36,9 @@ impl<M: Model> Unit<M> {
             values.set_by_host(vr, &declaration.variables[vr], value.clone());
         }
         let mut model = M::new();
-        model.initialize(&mut values, 0.0, &Context::default(), &mut Silent).unwrap();
-        Self { model, values }
+        let mut log = Messages::default();
+        model.initialize(&mut values, 0.0, &Context::default(), &mut log).unwrap();
+        Self { model, values, log }
     }
 
     /// The value of a real variable.

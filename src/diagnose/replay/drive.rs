@@ -321,15 +321,7 @@ mod tests {
             ("steer_cmd", vec![0.0; rows]),
             ("yaw_rate", (0..rows).map(rate).collect()),
         ];
-        let log = CleanLog {
-            step: STEP,
-            time: (0..rows).map(|i| i as f64 * STEP).collect(),
-            columns: columns.into(),
-            commanded: true,
-            valid: vec![true; rows],
-            coarse: BTreeMap::new(),
-            findings: Vec::new(),
-        };
+        let log = CleanLog::of_columns(STEP, columns.into());
         let drive = ReplayDrive::new(&log, truck);
         drive.scored.iter().position(|&scored| scored).expect("some row is compared") as f64 * STEP
     }
