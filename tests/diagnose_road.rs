@@ -33,8 +33,12 @@ fn road() -> Arc<Path> {
 
 /// Forty seconds of weaving along that road, by a driver who steers against what the bank does.
 fn log(parameters: &CarParameters, gain: f64) -> CleanLog {
-    let effects = Effects { steer_gain: gain, ..Effects::default() };
-    let mut plant = Car::new(parameters, &effects, Some(road())).unwrap();
+    driven(parameters, &Effects { steer_gain: gain, ..Effects::default() }, Some(road()))
+}
+
+/// The same of other effects on another road; without one, on a level plane.
+fn driven(parameters: &CarParameters, effects: &Effects, road: Option<Arc<Path>>) -> CleanLog {
+    let mut plant = Car::new(parameters, effects, road).unwrap();
     plant.place(0.0, 0.0, 0.0, 15.0);
     let mut columns: BTreeMap<&'static str, Vec<f64>> = BTreeMap::new();
     for row in 0..2000 {
@@ -72,6 +76,16 @@ fn an_unknown_road_is_no_cause_and_hides_none() {
     assert_eq!(geared.verdict.kind, VerdictKind::Effect, "{}", geared.verdict.summary);
     let named = &geared.verdict.effects[0];
     assert!(named.id == "steer_gain" && named.low < 1.12 && 1.12 < named.high, "{named:?}");
+}
+
+#[test]
+fn a_steady_climb_is_named() {
+    // It makes no road rough, which would explain it.
+    let climb = Effects { road_grade: -0.025, ..Effects::default() };
+    let report = found(&driven(&car(), &climb, None), &singles()).report;
+    assert_eq!(report.verdict.kind, VerdictKind::Effect, "{}", report.verdict.summary);
+    let named = &report.verdict.effects[0];
+    assert!(named.id == "road_grade" && named.low < -0.025 && -0.025 < named.high, "{named:?}");
 }
 
 #[test]

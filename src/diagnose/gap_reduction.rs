@@ -29,22 +29,29 @@ fn half<V: ReplayVehicle>(problem: &Problem<V>, k: usize) -> usize {
     ((problem.drive.time[row] - problem.drive.time[0]) / BLOCK) as usize % 2
 }
 
+/// The weights of one half.
+fn of_half<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    slopes: &[Arc<Vec<f64>>],
+    which: usize,
+) -> Linearisation {
+    let is_other = |i: usize| {
+        let block = problem.blocks.iter().find(|(_, block)| block.contains(&i));
+        block.is_some_and(|(_, block)| half(problem, i - block.start) != which)
+    };
+    Linearisation::new(slopes.to_vec(), Arc::new(ranking.linear.weights.without(is_other)))
+}
+
 /// Coordinates of the winner fitted on one half: all, and the effect alone.
 fn fitted_on<V: ReplayVehicle>(
     problem: &Problem<V>,
     ranking: &Ranking,
     winner: &Fit,
-    slopes: &[Arc<Vec<f64>>],
-    which: usize,
+    local: &Linearisation,
 ) -> (Vec<f64>, Vec<f64>) {
-    let is_other = |i: usize| {
-        let block = problem.blocks.iter().find(|(_, block)| block.contains(&i));
-        block.is_some_and(|(_, block)| half(problem, i - block.start) != which)
-    };
-    let weights = ranking.linear.weights.without(is_other);
-    let local = Linearisation::new(slopes.to_vec(), Arc::new(weights));
     let precision = ranking.prior.free(problem, &winner.free);
-    let step = ranking.prior.step(&local, &winner.x, &winner.gap, &precision);
+    let step = ranking.prior.step(local, &winner.x, &winner.gap, &precision);
     let at = |length: f64| -> Vec<f64> {
         let moved = winner.x.iter().zip(&step.change).map(|(x, change)| x + length * change);
         moved.enumerate().map(|(i, x)| problem.uncertain[i].within(x, winner.free.contains(&i))).collect()
@@ -60,8 +67,20 @@ fn fitted_on<V: ReplayVehicle>(
         .into_iter()
         .find(|x| cost(x).is_some_and(|cost| cost < before))
         .unwrap_or_else(|| winner.x.clone());
-    let simulator = recalibrated(problem, &ranking.prior, &local, &winner.free, &all);
+    let simulator = recalibrated(problem, &ranking.prior, local, &winner.free, &all);
     (ranking.prior.only(problem, &winner.free, &all), simulator)
+}
+
+/// Coordinates of a simulator without some effects, fitted on one half. The effects are held at what is expected: a large one
+/// stretches its own tolerance too, and a simulator that has it so predicts as well as one that names it.
+fn without_on<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    ranking: &Ranking,
+    effects: &[usize],
+    local: &Linearisation,
+) -> Vec<f64> {
+    let start = ranking.prior.without(problem, effects, &ranking.none.x);
+    recalibrated(problem, &ranking.prior, local, effects, &start)
 }
 
 /// The simulator for coordinates, without the errors of its form, which no simulator can be given. Their explanation
@@ -124,11 +143,12 @@ pub fn gap_reduction<V: ReplayVehicle>(
     let (mut whole, mut without) = (effect.clone(), effect.clone());
     let mut points = Vec::new();
     for which in 0..2 {
-        let (alone, all) = fitted_on(problem, ranking, winner, slopes, which);
+        let (alone, all) = fitted_on(problem, ranking, winner, &of_half(problem, ranking, slopes, which));
         let of_none = if winner.free.is_empty() {
             all.clone()
         } else {
-            fitted_on(problem, ranking, &ranking.none, &ranking.linear.slopes, which).1
+            let local = of_half(problem, ranking, &ranking.linear.slopes, which);
+            without_on(problem, ranking, &winner.free, &local)
         };
         for (x, into) in [(&alone, &mut effect), (&all, &mut whole), (&of_none, &mut without)] {
             let Some(gap) = problem.residual(x) else { continue };

@@ -20,7 +20,8 @@
 //! The mean bank is as unknown as its variation: `c_k` is about a mean that is `N(0, sigma^2)` itself. It is one more
 //! hat, as wide as the road, whose response is the sum of all others. So a crown is no discovery on a road that is
 //! crowned and banked here and there. On a road that does not vary a steady bank is not the road's. A grade has no
-//! such mean: a road leans one way all along, but goes up and down.
+//! such mean: a road leans one way all along, but goes up and down. So its roughness is that of the variation about a mean of
+//! which nothing is known (restricted likelihood, sec. 2.7): a steady climb makes no road rough.
 //!
 //! Source: Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006, sec. 2.7; the discrepancy of the
 //! specification, after Kennedy and O'Hagan, J. R. Stat. Soc. B 63 (2001).
@@ -68,15 +69,17 @@ impl Hat {
     }
 }
 
-/// Place of the bank, and of its mean, among the kinds of slopes; the grade is between them.
-const OF_BANK: usize = 0;
+/// Place of the mean bank and of the mean grade among the kinds of slopes, behind those of bank and grade.
 const OF_CROWN: usize = 2;
-/// Roughness of a road: shares of the deviations of bank, grade and mean bank.
-pub type Roughness = [f64; 3];
+const OF_CLIMB: usize = 3;
+/// Roughness of a road: shares of the deviations of bank, grade, mean bank and mean grade.
+pub type Roughness = [f64; 4];
 /// A road of which nothing is known: as rough as roads are, about no slope.
-pub const ORDINARY: Roughness = [1.0, 1.0, 0.0];
+pub const ORDINARY: Roughness = [1.0, 1.0, 0.0, 0.0];
 /// A road that is known.
-const KNOWN: Roughness = [0.0; 3];
+const KNOWN: Roughness = [0.0; 4];
+/// Deviation of a mean of which nothing is known: beyond all roads, in those of [`GRADE`].
+const ANY: f64 = 10.0;
 
 /// Response of the gap to all hats of bank and grade.
 pub struct Profile {
@@ -119,9 +122,8 @@ impl Profile {
                 Some(colours[k].iter().map(hat).collect::<Vec<_>>())
             });
             let found: Vec<Hat> = found.into_iter().flatten().flatten().collect();
-            if kind == OF_BANK {
-                hats.extend(Hat::mean(&found, OF_CROWN, (problem.blocks.len(), problem.rows.len())));
-            }
+            let of_mean = [OF_CROWN, OF_CLIMB][kind];
+            hats.extend(Hat::mean(&found, of_mean, (problem.blocks.len(), problem.rows.len())));
             hats.extend(found);
         }
         let is_sound = hats.iter().all(|hat| hat.values.iter().all(|value| value.is_finite()));
@@ -206,14 +208,14 @@ impl Profile {
         let mut best = (f64::NEG_INFINITY, KNOWN);
         for &bank in of_kind(0) {
             for &grade in of_kind(1) {
-                // Variation tells the roughness: a mean alone may be of another cause.
-                let deviations = self.deviations([bank, grade, 0.0]);
+                // A bank's mean is as large as its variation, and is counted with it. A climb tells nothing of a grade's.
+                let deviations = self.deviations([bank, grade, 0.0, ANY]);
                 let Some(factor) = Self::normal(&gram, &deviations).cholesky() else { continue };
                 let seen = seen.component_mul(&deviations);
                 let narrower: f64 = factor.l_dirty().diagonal().iter().map(|it| it.ln()).sum();
                 let likelihood = 0.5 * seen.dot(&factor.solve(&seen)) - narrower;
                 if likelihood > best.0 {
-                    best = (likelihood, [bank, grade, bank]);
+                    best = (likelihood, [bank, grade, bank, 0.0]);
                 }
             }
         }
@@ -421,12 +423,30 @@ mod tests {
             let weights = SampleWeights::new(each.clone(), Some(&with_mean), roughness);
             weights.weighted(&steady).iter().zip(&steady).map(|(weighted, gap)| weighted * gap).sum::<f64>()
         };
-        let [even, about_none, about_a_mean] = [KNOWN, ORDINARY, [1.0, 0.0, 1.0]].map(cost);
+        let [even, about_none, about_a_mean] = [KNOWN, ORDINARY, [1.0, 0.0, 1.0, 0.0]].map(cost);
         // Three hats, each three deviations high: 27; a mean of three deviations: 9 at most.
         assert!(even > 100.0 && (20.0..27.0).contains(&about_none), "{even} {about_none}");
         assert!(about_a_mean < 9.0, "{about_a_mean}");
         // What is steady does not make a road rough about its mean: both are of one size.
-        let [bank, _, mean] = with_mean.roughness(&each, &steady);
+        let [bank, _, mean, _] = with_mean.roughness(&each, &steady);
         assert_eq!(bank, mean);
+    }
+
+    #[test]
+    fn a_steady_climb_makes_no_road_rough_and_crests_do() {
+        let mut of_grade = profile();
+        of_grade.hats.iter_mut().for_each(|hat| hat.kind = 1);
+        let mean = Hat::mean(&of_grade.hats, OF_CLIMB, (2, 40)).unwrap();
+        of_grade.hats.insert(0, mean);
+        let noise = |i: usize| 0.1 * (f64::from(u32::try_from(i * 7 % 11).unwrap()) - 5.0);
+        let rough = |heights: [f64; 3]| {
+            let road = of_grade.of_heights(&DVector::from_vec([[0.0].as_slice(), &heights].concat()), 80);
+            let gap: Vec<f64> = road.iter().enumerate().map(|(i, road)| road + noise(i)).collect();
+            of_grade.roughness(&vec![100.0; 80], &gap)
+        };
+        assert!(rough([1.0, 1.0, 1.0])[1] <= 0.1, "{:?}", rough([1.0, 1.0, 1.0]));
+        let crests = rough([2.0, -1.0, 1.0]);
+        // The mean of the crests is one of them: none of its own is left in the weights.
+        assert!(crests[1] >= 0.5 && crests[OF_CLIMB] == 0.0, "{crests:?}");
     }
 }
