@@ -254,6 +254,30 @@ fn instantiation_refuses_what_is_not_for_this_fmu() {
     assert!(instantiate(c"a".as_ptr(), 1, guid.as_ptr(), ptr::null()).0);
 }
 
+/// What was packed stands in the resources: without them a host must not believe that it counts.
+#[test]
+fn an_instance_without_its_resources_says_that_nothing_packed_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("start.toml"), "\"actuator.tau\" = \"0.5\"\n").unwrap();
+    let there = CString::new(format!("file://{}", folder.path().display())).unwrap();
+    let away = CString::new(format!("file://{}/resources", folder.path().display())).unwrap();
+    let packed = Host::with(c"toy", Some(&there));
+    assert_eq!(packed.take_messages(), []);
+    packed.initialize();
+    assert_eq!(packed.real(vr::TAU), 0.5);
+    for (location, words) in [
+        (None, "no resource location"),
+        (Some(c""), "no resource location"),
+        (Some(&*away), "is not there"),
+        (Some(c"ftp://somewhere"), "ftp://somewhere"),
+    ] {
+        let host = Host::with(c"toy", location);
+        says(&host, &["fmi2Instantiate", words, "start values", "not known"]);
+        host.initialize();
+        assert_eq!(host.real(vr::TAU), 0.1);
+    }
+}
+
 #[test]
 fn callbacks_may_be_null() {
     let (name, guid) = (c"a".as_ptr(), guid());

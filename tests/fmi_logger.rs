@@ -123,7 +123,7 @@ fn categories_switch_informative_messages() {
 /// Whoever switched debugging off is still told why a call was refused.
 #[test]
 fn refusals_are_told_without_debug_logging() {
-    let host = Host::with(c"the name", None);
+    let host = Host::with(c"the name", Some(&nothing_packed()));
     assert_eq!(host.step(0.0, 0.1), Status::Error);
     let [message] = host.take_messages().try_into().unwrap();
     assert_eq!((message.status, message.category.as_str()), (Status::Error, "logStatusError"));
@@ -187,7 +187,9 @@ fn a_call_out_of_the_logger_is_refused() {
     };
     // SAFETY: C strings, a live component; `seen` is used by no one else while calls run.
     unsafe {
-        let c = fmi2Instantiate(c"a".as_ptr(), 1, guid().as_ptr(), ptr::null(), &raw const callbacks, 0, 0);
+        let (guid, resources) = (guid(), nothing_packed());
+        let resources = resources.as_ptr();
+        let c = fmi2Instantiate(c"a".as_ptr(), 1, guid.as_ptr(), resources, &raw const callbacks, 0, 0);
         (*seen).component = c;
         assert_eq!(fmi2DoStep(c, 0.0, 0.1, 0), Status::Error);
         let Seen { messages, statuses, .. } = &*seen;

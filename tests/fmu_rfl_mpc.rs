@@ -3,15 +3,21 @@
 use rfl_mpc::control::{
     ControlStatus, ControlVariant, ControllerFor, NominalTruck, TruckControllerParameters,
 };
-use rfl_mpc::fmi::{Causality, Context, Initial, Log, Model, ModelError, Severity, Value, Values, v3};
+use rfl_mpc::fmi::call_error::CallError;
+use rfl_mpc::fmi::instance::Instance;
+use rfl_mpc::fmi::logger::Logger;
+use rfl_mpc::fmi::{
+    Causality, Context, Initial, Log, Model, ModelError, Severity, Status, Value, Values, v2, v3,
+};
 use rfl_mpc::fmu::{RflMpc, TruckRflMpc};
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::residual::DataSet;
 use rfl_mpc::residual::gp::{GpConfig, StateSmoothing, train};
 use rfl_mpc::simulate::TruckClosedLoop;
 use rfl_mpc::vehicle::TruckEffects;
+use std::ffi::{CStr, CString};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// A controller with a road for it, and a vehicle that is built in for it.
 trait Controller: Model {
@@ -49,6 +55,9 @@ of_each_controller! {
     a_saved_state_continues_bit_for_bit
     a_truncated_state_is_refused_and_changes_nothing
     the_controller_s_file_wins_over_the_vehicle_s_and_the_host_over_both
+    a_packed_start_value_wins_over_the_controller_s_file_whatever_it_is
+    a_measurement_that_is_no_number_reaches_the_guard_and_a_parameter_is_refused
+    start_values_that_give_way_to_a_file_are_told_once
     files_that_cannot_be_used_are_named_with_a_remedy
     only_what_a_user_should_act_on_is_a_warning_of_the_road
     bytes_that_are_no_model_are_refused
@@ -265,6 +274,141 @@ fn the_controller_s_file_wins_over_the_vehicle_s_and_the_host_over_both<M: Contr
     let shown = ["mpc.q_e1", "mpc.r_rate", "actuator.dead_time"].map(|name| unit.real(name));
     assert_eq!(shown, [0.5, 0.25, 0.06]);
     assert_eq!(unit.values.integer(Unit::<M>::vr("variant")), ControlVariant::Actuator as i32);
+}
+
+/// Who packs a value has chosen it, also one that is the library's own start value.
+fn a_packed_start_value_wins_over_the_controller_s_file_whatever_it_is<M: Controller>() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("controller.toml");
+    let text = "variant = 'actuator'\n[controller]\nmpc.horizon = 25\nactuator.dead_time = 0.06\n";
+    std::fs::write(&file, text).unwrap();
+    let file = file.to_string_lossy().into_owned();
+    let own = M::declaration();
+    let start = |name: &str| own.variables[own.find(name).unwrap()].kind.start().to_string();
+    let horizon = start("mpc.horizon");
+    let shown = |chosen: &[(&str, &str)], set: &[(&str, Value)]| {
+        let mut declaration = M::declaration();
+        chosen.iter().for_each(|(name, text)| declaration.start_with(name, text).unwrap());
+        let mut unit = Unit::<M>::new();
+        unit.values = Values::starting_from(&declaration.variables);
+        unit.set("path_file", Value::String(road::<M>().to_string_lossy().into_owned()));
+        for (name, value) in set {
+            let vr = Unit::<M>::vr(name);
+            unit.values.set_by_host(vr, &declaration.variables[vr], value.clone());
+        }
+        unit.initialize().unwrap();
+        let integer = |name: &str| unit.values.integer(Unit::<M>::vr(name));
+        (unit.real("actuator.dead_time"), integer("mpc.horizon").to_string(), integer("variant"))
+    };
+    let (actuator, adaptive) = (ControlVariant::Actuator as i32, ControlVariant::Adaptive as i32);
+    let named = ("controller_file", &file[..]);
+    assert_eq!(shown(&[named], &[]), (0.06, "25".to_owned(), actuator));
+    let packed = [named, ("actuator.dead_time", "0"), ("mpc.horizon", &horizon[..]), ("variant", "adaptive")];
+    assert_eq!(shown(&packed, &[]), (0.0, horizon.clone(), adaptive));
+    // The same file named by the host, over what is packed.
+    let by_host = ("controller_file", Value::String(file.clone()));
+    assert_eq!(shown(&packed[1..], &[by_host]), (0.0, horizon.clone(), adaptive));
+    let of_host = [("actuator.dead_time", Value::Real(0.1)), ("variant", Value::Integer(0))];
+    assert_eq!(shown(&packed, &of_host), (0.1, horizon, ControlVariant::None as i32));
+}
+
+/// An instance as the FMI layer has it, on its road, and what it says to a host that listens to everything.
+fn hosted<M: Controller>(settings: &[(&str, f64)], vehicle: &CStr) -> (Instance<M>, Arc<Mutex<Vec<String>>>) {
+    let said = Arc::new(Mutex::new(Vec::new()));
+    let heard = said.clone();
+    let listener = move |_: &CStr, _: Status, _: &CStr, message: &CStr| {
+        heard.lock().unwrap().push(message.to_str().unwrap().to_owned());
+    };
+    let mut logger = Logger::new(Some(Arc::new(listener)), c"unit");
+    logger.enable(vec!["logAll"]);
+    let mut unit = Instance::<M>::new(&v2::VERSION, "{}", logger, Context::default()).unwrap();
+    let vr = |name: &str| M::declaration().find(name).unwrap() as u32;
+    let road = CString::new(road::<M>().to_str().unwrap()).unwrap();
+    unit.set_string(&[vr("path_file"), vr("vehicle_file")], &[&road, vehicle]).unwrap();
+    for (name, value) in settings {
+        unit.set_real(&[vr(name)], &[*value]).unwrap();
+    }
+    unit.setup_experiment(0.0, None).unwrap();
+    unit.enter_initialization_mode().unwrap();
+    unit.exit_initialization_mode().unwrap();
+    (unit, said)
+}
+
+/// One call sets all measurements: without the one that is no number the others count.
+fn a_measurement_that_is_no_number_reaches_the_guard_and_a_parameter_is_refused<M: Controller>() {
+    let declaration = M::declaration();
+    let vr = |name: &str| declaration.find(name).unwrap() as u32;
+    let vehicle = CString::new(M::VEHICLE).unwrap();
+    for missing in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let (mut unit, said) = hosted::<M>(&[], &vehicle);
+        let mut start = [0.0; 3];
+        let names = ["start.x", "start.y", "start.yaw"].map(vr);
+        unit.get_real(&names, |i, value| start[i] = value).unwrap();
+        let [x, y, yaw] = start;
+        let names = ["x", "y", "yaw", "vx", "vy"].map(vr);
+        let measured = |k: u32, vy: f64| {
+            let along = 1.0 + 0.1 * f64::from(k);
+            [x + along * yaw.cos(), y + along * yaw.sin(), yaw, 5.0, vy]
+        };
+        let status = |unit: &mut Instance<M>| {
+            let mut status = 0;
+            unit.get_integer(&[vr("status")], |_, value| status = value).unwrap();
+            status
+        };
+        for k in 0..10 {
+            unit.set_real(&names, &measured(k, 0.0)).unwrap();
+            unit.do_step(0.02 * f64::from(k), 0.02).unwrap();
+        }
+        assert_eq!(status(&mut unit), ControlStatus::Optimal as i32);
+        for k in 10..13 {
+            unit.set_real(&names, &measured(k, missing)).unwrap();
+            let mut taken = 0.0;
+            unit.get_real(&[vr("x")], |_, value| taken = value).unwrap();
+            assert_eq!(taken, measured(k, 0.0)[0], "the rest of the call");
+            unit.do_step(0.02 * f64::from(k), 0.02).unwrap();
+            assert_eq!(status(&mut unit), ControlStatus::Bridged as i32);
+        }
+        let told = said.lock().unwrap().iter().filter(|text| text.contains("`vy`")).count();
+        assert_eq!(told, 1, "{:?}", said.lock().unwrap());
+        // A state in between is one.
+        let state = unit.store(std::ptr::null_mut()).unwrap();
+        let bytes = unit.serialize(state).unwrap();
+        let again = unit.deserialize(&bytes).unwrap();
+        unit.restore(again).unwrap();
+        unit.set_real(&names, &measured(13, 0.0)).unwrap();
+        unit.do_step(0.02 * 13.0, 0.02).unwrap();
+        assert_eq!(status(&mut unit), ControlStatus::Optimal as i32);
+
+        unit.reset().unwrap();
+        let refused = unit.set_real(&[vr("mpc.r_rate")], &[missing]).unwrap_err();
+        assert!(matches!(refused, CallError::NotFinite { .. }), "{refused:?}");
+    }
+}
+
+/// A host that wrote start values and names a vehicle learns in one message which of them are the vehicle's now.
+fn start_values_that_give_way_to_a_file_are_told_once<M: Controller>() {
+    let declaration = M::declaration();
+    let reals = declaration.variables.iter().filter_map(|variable| match variable.kind.start() {
+        Value::Real(start) if variable.causality == Causality::Parameter => Some((&*variable.name, start)),
+        _ => None,
+    });
+    let all: Vec<(&str, f64)> = reals.collect();
+    let other = if M::VEHICLE == "c_class" { c"genesis" } else { c"truck_real" };
+    let told = |settings: &[(&str, f64)], vehicle: &CStr| {
+        let (_, said) = hosted::<M>(settings, vehicle);
+        let said = said.lock().unwrap();
+        said.iter().filter(|text| text.contains("values of a file count")).cloned().collect::<Vec<_>>()
+    };
+    let one = all.iter().find(|(name, _)| name.ends_with(".mass")).unwrap();
+    let [message] = &told(&[*one], other)[..] else { panic!("one message") };
+    assert!(message.contains(one.0) && message.contains(&format!("(start {})", one.1)), "{message}");
+    assert!(!message.contains("more"), "{message}");
+    let [message] = &told(&all, other)[..] else { panic!("one message") };
+    assert!(message.len() < 600 && message.contains("more"), "{message}");
+    assert_eq!(told(&[], other), [""; 0]);
+    // The vehicle that is declared gives the declared values.
+    let default = declaration.variables[declaration.find("vehicle_file").unwrap()].kind.start();
+    assert_eq!(told(&all, &CString::new(default.to_string()).unwrap()), [""; 0]);
 }
 
 fn files_that_cannot_be_used_are_named_with_a_remedy<M: Controller>() {

@@ -27,6 +27,15 @@ impl<P: PlantUnit> Instance<P> {
         Self { model: PlantFmu::new(), values, messages: Messages::default(), time: 0.0 }
     }
 
+    /// Packed with these start values of a user's choice.
+    fn packed(chosen: &[(&str, &str)]) -> Self {
+        let mut declaration = PlantFmu::<P>::declaration();
+        for (name, text) in chosen {
+            declaration.start_with(name, text).unwrap();
+        }
+        Self { values: Values::starting_from(&declaration.variables), ..Self::new() }
+    }
+
     /// With some parameters set.
     fn with(parameters: &[(&str, f64)]) -> Self {
         let mut instance = Self::new();
@@ -191,6 +200,37 @@ fn what_the_host_sets_wins_over_the_file_and_the_rest_is_shown<P: Case>() {
     assert_eq!(again.real(mass), parameter.get(&default));
 }
 
+/// Who packs a value has chosen it, also one that is the library's own start value.
+fn a_packed_start_value_counts_whatever_it_is<P: Case>() {
+    let (mass, line, other) = P::MASS;
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    let text = P::FILE.replace(line, other) + "\n[effect]\nsteer_lag = 0.1\n";
+    std::fs::write(&file, text).unwrap();
+    let file = file.to_str().unwrap();
+    let default = P::Parameters::builtin(P::Parameters::BUILTIN[0]).unwrap();
+    let parameter = P::Parameters::TABLE.iter().find(|parameter| parameter.name == mass).unwrap();
+    let own = parameter.get(&default);
+    let shown = |mut instance: Instance<P>| {
+        instance.initialize().unwrap();
+        (instance.real(mass), instance.real("effect.steer_lag"))
+    };
+    let start = |mass_text: &str| {
+        Instance::<P>::packed(&[("vehicle_file", file), (mass, mass_text), ("effect.steer_lag", "0")])
+    };
+    assert_eq!(shown(Instance::packed(&[("vehicle_file", file)])), (2000.0, 0.1));
+    assert_eq!(shown(start(&own.to_string())), (own, 0.0));
+    assert_eq!(shown(start("3001")), (3001.0, 0.0));
+    // The host has the last word, and one that names another file has said nothing of the mass.
+    let mut instance = start(&own.to_string());
+    instance.set(mass, Value::Real(own + 1.0));
+    instance.set("effect.steer_lag", Value::Real(0.2));
+    assert_eq!(shown(instance), (own + 1.0, 0.2));
+    let mut instance = start(&own.to_string());
+    instance.set("vehicle_file", Value::String(P::BUILTIN.to_string()));
+    assert_eq!(shown(instance), (own, 0.0));
+}
+
 fn files_that_cannot_be_used_are_named<P: Case>() {
     for (parameter, name) in [("vehicle_file", "no_such.toml"), ("road_file", "no_such.csv")] {
         let mut instance = Instance::<P>::new();
@@ -299,6 +339,7 @@ for_each_vehicle! {
     declares_the_signals_all_parameters_and_all_effects
     is_the_native_vehicle_bit_for_bit
     what_the_host_sets_wins_over_the_file_and_the_rest_is_shown
+    a_packed_start_value_counts_whatever_it_is
     files_that_cannot_be_used_are_named
     states_restore_and_foreign_ones_are_refused
     the_status_says_what_it_does

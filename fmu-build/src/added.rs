@@ -1,15 +1,17 @@
-//! Files that a user packs in: learned models for the controllers, a vehicle for all FMUs of its kind.
+//! Files that a user packs in: learned models for the controllers, a vehicle for all FMUs of its kind, what a start value names.
 //!
 //! The FMU's start values then say that they are used (`resources/start.toml`); its library stays the same.
 
-use crate::fmu::{Fmu, VEHICLE_FILE, vehicle_of};
-use crate::shipped::ClosedLoop;
+use crate::fmu::{Added, Fmu, FmuError, VEHICLE_FILE, unpacked, vehicle_of};
+use crate::shipped::{self, ClosedLoop};
+use crate::system::SettingError;
 use rfl_mpc::control::{
     ControlVariant, ControllerFile, ControllerFileError, LearnedModel, LearnedModelFor, MODEL_EXTENSION,
     TRUCK_STATES,
 };
-use rfl_mpc::fmi::{ModelError, StartError};
+use rfl_mpc::fmi::{ModelError, StartError, Values, VariableKind};
 use rfl_mpc::fmu::MODELS;
+use rfl_mpc::path::{self, PathError};
 use rfl_mpc::residual::FileError;
 use rfl_mpc::vehicle::{
     Articulated, CarParameters, TruckParameters, VehicleError, VehicleKind, VehicleParameters,
@@ -43,6 +45,12 @@ pub enum AddError {
     Start(#[from] StartError),
     #[error(transparent)]
     Vehicle(#[from] VehicleError),
+    #[error("{parameter}: {source}")]
+    Road { parameter: String, source: PathError },
+    #[error(transparent)]
+    Setting(#[from] SettingError),
+    #[error(transparent)]
+    Fmu(#[from] FmuError),
     #[error(
         "the vehicle file {} names the tyre file `{tyre}`, which does not lie beside or below it: copy it there",
         file.display()
@@ -56,10 +64,7 @@ pub enum AddError {
 /// A file that is no vehicle, or whose tyres lie elsewhere.
 pub fn add_vehicle(fmus: &mut [Fmu], vehicle: &str) -> Result<(), AddError> {
     let kind = VehicleKind::of(vehicle);
-    let (files, start) = match kind {
-        VehicleKind::Car => vehicle_files::<CarParameters>(vehicle, "car")?,
-        VehicleKind::Truck => vehicle_files::<TruckParameters>(vehicle, "truck")?,
-    };
+    let (files, start) = vehicle_of_kind(kind, vehicle)?;
     let takes = |fmu: &&mut Fmu| fmu.vehicle == kind && fmu.declaration.find(VEHICLE_FILE).is_some();
     let mut taken = false;
     for fmu in fmus.iter_mut().filter(takes) {
@@ -72,11 +77,18 @@ pub fn add_vehicle(fmus: &mut [Fmu], vehicle: &str) -> Result<(), AddError> {
     if taken { Ok(()) } else { Err(AddError::NotGiven { what: vehicle.to_owned(), fmu }) }
 }
 
-/// The files of a vehicle by their path in `resources/`, below a folder, and what `vehicle_file` is then.
-fn vehicle_files<V: VehicleParameters>(
-    vehicle: &str,
-    below: &str,
-) -> Result<(BTreeMap<String, PathBuf>, String), AddError> {
+/// Files by their path in `resources/`, and the start value that names them there.
+type Named = (BTreeMap<String, PathBuf>, String);
+
+/// The files of a vehicle.
+fn vehicle_of_kind(kind: VehicleKind, vehicle: &str) -> Result<Named, AddError> {
+    match kind {
+        VehicleKind::Car => vehicle_files::<CarParameters>(vehicle, "car"),
+        VehicleKind::Truck => vehicle_files::<TruckParameters>(vehicle, "truck"),
+    }
+}
+
+fn vehicle_files<V: VehicleParameters>(vehicle: &str, below: &str) -> Result<Named, AddError> {
     let mut files = BTreeMap::new();
     if V::BUILTIN.contains(&vehicle) {
         return Ok((files, vehicle.to_owned()));
@@ -95,24 +107,99 @@ fn vehicle_files<V: VehicleParameters>(
         }
         files.insert(format!("{below}/{tyre}"), folder.join(tyre));
     }
-    let start = format!("{below}/{}", file.file_name().unwrap_or_default().to_string_lossy());
-    files.insert(start.clone(), file);
+    let (file, start) = named_below(below, &file);
+    files.extend(file);
     Ok((files, start))
 }
 
-/// Gives a parameter of an FMU another start value: `FMU.PARAMETER=VALUE`.
+/// One file in a folder of the resources.
+fn named_below(below: &str, file: &Path) -> Named {
+    let name = format!("{below}/{}", file.file_name().unwrap_or_default().to_string_lossy());
+    ([(name.clone(), absolute(file))].into(), name)
+}
+
+/// The files that a parameter's text names: read as what they are, and packed. A name in the FMU's resources stays one.
+fn files_named(fmu: &Fmu, parameter: &str, text: &str) -> Result<Named, AddError> {
+    let file = Path::new(text);
+    if text.is_empty() || (!file.exists() && fmu.has_resource(text)) {
+        return Ok((BTreeMap::new(), text.to_owned()));
+    }
+    match parameter {
+        VEHICLE_FILE => vehicle_of_kind(fmu.vehicle, text),
+        "path_file" | "road_file" => {
+            let road = |source| AddError::Road { parameter: parameter.to_owned(), source };
+            path::Path::read(file).map_err(road)?;
+            Ok(named_below("roads", file))
+        }
+        "residual.file" => {
+            vehicle_and_variant(file)?;
+            Ok(named_below("models", file))
+        }
+        "controller_file" => {
+            ControllerFile::read(file)?;
+            Ok(named_below("controllers", file))
+        }
+        _ => Ok((BTreeMap::new(), text.to_owned())),
+    }
+}
+
+/// Gives a parameter of an FMU another start value: `FMU.PARAMETER=VALUE`. A file that it names is packed.
 ///
 /// # Errors
-/// No such parameter; a text that is no value of it.
+/// No such parameter; a text that is no value of it; a file that is none of its kind.
 pub fn add_start(fmus: &mut [Fmu], text: &str) -> Result<(), AddError> {
     let form = || AddError::Form(text.to_owned());
     let (name, value) = text.split_once('=').ok_or_else(form)?;
     let (unit, parameter) = name.trim().split_once('.').ok_or_else(form)?;
     let missing = || AddError::NotGiven { what: text.to_owned(), fmu: unit.to_owned() };
     let fmu = fmus.iter_mut().find(|fmu| fmu.declaration.name == unit).ok_or_else(missing)?;
-    fmu.declaration.clone().start_with(parameter, value.trim())?;
-    fmu.added.start.insert(parameter.to_owned(), value.trim().to_owned());
+    let value = value.trim();
+    fmu.declaration.clone().start_with(parameter, value)?;
+    let mut start = value.to_owned();
+    if is_text(fmu, parameter) {
+        let (files, name) = files_named(fmu, parameter, value)?;
+        fmu.added.files.extend(files);
+        start = name;
+    }
+    fmu.added.start.insert(parameter.to_owned(), start);
     Ok(())
+}
+
+fn is_text(fmu: &Fmu, parameter: &str) -> bool {
+    let variable = fmu.declaration.find(parameter).map(|vr| &fmu.declaration.variables[vr]);
+    variable.is_some_and(|variable| matches!(variable.kind, VariableKind::String { .. }))
+}
+
+/// Takes texts out of the settings of systems (`COMPONENT.PARAMETER=VALUE`): they name files, and become start values of the FMUs,
+/// with the files in them. A system then needs no text, which not every host can set. Gives the other settings.
+///
+/// # Errors
+/// A setting that is none, or a file that is none of its kind.
+pub fn add_settings(fmus: &mut [Fmu], settings: &[String]) -> Result<Vec<String>, AddError> {
+    shipped::check_settings(fmus, settings)?;
+    let mut others = Vec::new();
+    for setting in settings {
+        let name = setting.split('=').next().unwrap_or_default().trim();
+        let text = |fmu: &Fmu| {
+            let parameter = name.strip_prefix(fmu.declaration.name).and_then(|rest| rest.strip_prefix('.'));
+            parameter.is_some_and(|parameter| is_text(fmu, parameter))
+        };
+        if fmus.iter().any(text) {
+            add_start(fmus, setting)?;
+        } else {
+            others.push(setting.clone());
+        }
+    }
+    Ok(others)
+}
+
+/// Tries each FMU that the user gives something: a build takes minutes.
+///
+/// # Errors
+/// What cannot start.
+pub fn try_added(fmus: &[Fmu], project: &Path) -> Result<(), FmuError> {
+    let given = |fmu: &&Fmu| fmu.added != Added::default();
+    fmus.iter().filter(given).try_for_each(|fmu| fmu.start_values(&fmu.resources_in(project)?).map(|_| ()))
 }
 
 /// Gives the controller that a controller's file is for its numbers as start values, and its variant.
@@ -161,10 +248,12 @@ pub fn add_models(
         let vehicle = vehicle_of(controller);
         let file = absolute(file);
         let mut start = controller.starts();
-        start.insert(VEHICLE_FILE.to_owned(), vehicle.clone());
         start.insert("variant".to_owned(), kind.name().to_owned());
         start.insert("residual.file".to_owned(), file.to_string_lossy().into_owned());
-        if let Err(source) = system.try_controller(system.surroundings(controller, project), &start) {
+        let declaration = controller.declared_with(&start)?;
+        let resources = unpacked(&controller.resources_in(project).map_err(FmuError::from)?)?;
+        let mut values = Values::starting_from(&declaration.variables);
+        if let Err(source) = controller.initialise(&mut values, resources.path()) {
             return Err(AddError::Misfit { file, vehicle, source });
         }
         let added = &mut controller.added;

@@ -22,7 +22,7 @@ const STATUSES: [(&str, &str); 4] = [
     ),
     (
         "fmiDiscard",
-        "A value was not taken (not finite, outside a parameter's range, no UTF-8): the value before stands, try \
+        "A value was not taken (not finite, but for a controller's measurement; outside a parameter's range; no UTF-8): the value before stands, try \
          another. From fmiDoStep: the step was not made; {}",
     ),
     (
@@ -58,7 +58,8 @@ pub fn license_texts(
         std::fs::read(path).map_err(|source| PackageError::Read { path: path.to_owned(), source })
     };
     let mut texts = vec![
-        ("index.html".to_owned(), licenses(linked).into_bytes()),
+        // The name that the standard has for the entry point.
+        ("license.html".to_owned(), licenses(linked).into_bytes()),
         ("LICENSE.txt".to_owned(), read(own_license)?),
     ];
     for dependency in linked {
@@ -169,7 +170,7 @@ pub fn index(standard: Standard, declaration: &Declaration, platforms: &[(&str, 
     html.text("h2", "Licences");
     html.text(
         "p",
-        "Ours, and those of the libraries that are linked in, with their texts: licenses/index.html.",
+        "Ours, and those of the libraries that are linked in, with their texts: licenses/license.html.",
     );
     finish(html)
 }

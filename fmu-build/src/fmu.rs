@@ -5,12 +5,13 @@ use crate::description::describe_in;
 use crate::library::LibraryError;
 use crate::package::{Package, PackageError};
 use crate::standard::Standard;
-use rfl_mpc::fmi::{Declaration, ModelError, START_FILE, StartError, VariableKind, read_start_file};
-use rfl_mpc::fmu::DEFAULT_PATH;
+use rfl_mpc::fmi::{
+    Causality, Context, Declaration, Log, Model, ModelError, START_FILE, Severity, StartError, StartValues,
+    Value, Values, Variable, VariableKind,
+};
 use rfl_mpc::vehicle::VehicleKind;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use tempfile::TempDir;
 
 /// Reason for which an FMU could not be made.
@@ -52,7 +53,7 @@ pub enum FmuError {
     #[error("the start values in {path} cannot be read: {message}. Take the FMU as it was shipped")]
     PackedStart { path: PathBuf, message: String },
     #[error("{name} cannot start with what is packed into it: {source}")]
-    Controller { name: &'static str, source: ModelError },
+    Unstartable { name: &'static str, source: ModelError },
     #[error("cannot unpack into the system's temporary folder: {0}")]
     Temporary(std::io::Error),
     #[error("the library {path} is for {found}, but lies in a folder for {folder}")]
@@ -83,6 +84,8 @@ pub struct Fmu {
     pub selection: Vec<&'static str>,
     /// Contents of `resources/`.
     pub resources: &'static [Resource],
+    /// Initialises its model with these values; see [`initialize`].
+    pub initialize: fn(&mut Values, &Context) -> Result<(), ModelError>,
     /// Additions of a user.
     pub added: Added,
     /// The FMU that is changed, if it is not made from source.
@@ -97,8 +100,6 @@ pub struct Base {
     pub standard: Standard,
     pub(crate) package: Package,
     start: BTreeMap<String, String>,
-    /// Its unpacked resources.
-    folder: Arc<TempDir>,
 }
 
 impl Base {
@@ -122,50 +123,126 @@ impl Base {
             return Err(FmuError::Version { path: file.to_owned(), found, own });
         }
         let start = text(&format!("resources/{START_FILE}"));
-        let start = read_start_file(&start)
+        let start = StartValues::read(&start)
             .map_err(|error| FmuError::PackedStart { path: file.to_owned(), message: error.to_string() })?;
-        let folder = temporary_folder()?;
-        package.unpack("resources/", folder.path())?;
-        let base = Base { standard, package, start, folder: Arc::new(folder) };
+        let base = Base { standard, package, start: start.chosen };
         Ok(Fmu { base: Some(base), ..fmu.clone() })
     }
-
-    /// Folder of its resources, unpacked.
-    #[must_use]
-    pub fn surroundings(&self) -> Surroundings<'_> {
-        Surroundings { folder: self.folder.path(), path: DEFAULT_PATH }
-    }
 }
 
-pub(crate) fn temporary_folder() -> Result<TempDir, FmuError> {
-    tempfile::tempdir().map_err(FmuError::Temporary)
+/// Initialises a model, for [`Fmu::initialize`].
+///
+/// # Errors
+/// The model's.
+pub fn initialize<M: Model>(values: &mut Values, context: &Context) -> Result<(), ModelError> {
+    M::new().initialize(values, 0.0, context, &mut Unheard)
 }
 
-/// Folder of the files that start values name, before an FMU is packed.
-#[derive(Debug, Clone, Copy)]
-pub struct Surroundings<'a> {
-    /// The folder that stands for `resources/`.
-    pub folder: &'a Path,
-    /// Name of the controller's path there.
-    pub path: &'a str,
+/// Discards a model's messages: it gives them again to the host.
+struct Unheard;
+
+impl Log for Unheard {
+    fn log(&mut self, _severity: Severity, _category: &'static str, _message: &str) {}
 }
+
+/// Folder of an FMU's resources in a package.
+pub(crate) const RESOURCES: &str = "resources/";
 
 /// Files and values that a user gives an FMU beyond the shipped ones.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Added {
     /// Files by their path below `resources/`.
     pub files: BTreeMap<String, PathBuf>,
-    /// Start values other than the declaration's, by parameter.
+    /// Start values of the user's choice, by parameter.
     pub start: BTreeMap<String, String>,
 }
 
 impl Fmu {
-    /// The start values that differ from the declaration's: those that it was made with, and over them the user's.
+    /// The start values of a user's choice: those that it was made with, and over them the new ones.
     #[must_use]
     pub fn starts(&self) -> BTreeMap<String, String> {
         let mut start = self.base.as_ref().map(|base| base.start.clone()).unwrap_or_default();
         start.extend(self.added.start.clone());
         start
+    }
+
+    /// Its `resources/` but for the start values: those of the project, or of the FMU that is changed, and the user's over them.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn resources_in(&self, project: &Path) -> Result<Package, PackageError> {
+        let mut package = Package::default();
+        match &self.base {
+            Some(base) => package = base.package.clone().split_off(RESOURCES),
+            None => {
+                for resource in self.resources {
+                    let (from, to) = (project.join(resource.from), format!("{RESOURCES}{}", resource.to));
+                    if from.is_dir() {
+                        package.add_folder(&to, &from)?;
+                    } else {
+                        package.add_file(to, &from)?;
+                    }
+                }
+            }
+        }
+        package.remove(&format!("{RESOURCES}{START_FILE}"));
+        for (entry, file) in &self.added.files {
+            let entry = format!("{RESOURCES}{entry}");
+            package.remove(&entry);
+            package.add_file(entry, file)?;
+        }
+        Ok(package)
+    }
+
+    /// True if its resources have this file, or it is one of a folder in them.
+    pub(crate) fn has_resource(&self, name: &str) -> bool {
+        match &self.base {
+            Some(base) => base.package.contains(&format!("{RESOURCES}{name}")),
+            None => self.resources.iter().any(|Resource { to, .. }| {
+                name.strip_prefix(to).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+            }),
+        }
+    }
+
+    /// The declaration with start values of a user's choice.
+    ///
+    /// # Errors
+    /// No such parameter; a text that is no value of it.
+    pub fn declared_with(&self, chosen: &BTreeMap<String, String>) -> Result<Declaration, StartError> {
+        let mut declaration = self.declaration.clone();
+        chosen.iter().try_for_each(|(name, text)| declaration.start_with(name, text))?;
+        Ok(declaration)
+    }
+
+    /// Initialises the model in a folder that stands for its resources.
+    ///
+    /// # Errors
+    /// The model's.
+    pub fn initialise(&self, values: &mut Values, resources: &Path) -> Result<(), ModelError> {
+        let name = self.declaration.name.to_owned();
+        let context = Context { resources: Some(resources.to_owned()), instance_name: name };
+        (self.initialize)(values, &context)
+    }
+
+    /// The start values of the FMU with these resources: those of a user's choice, and what the packed files give others. So what
+    /// is declared is what the FMU drives with.
+    ///
+    /// # Errors
+    /// A value that is none; resources with which the model cannot be initialised.
+    pub fn start_values(&self, resources: &Package) -> Result<StartValues, FmuError> {
+        let chosen = self.starts();
+        let declaration = self.declared_with(&chosen)?;
+        let mut values = Values::starting_from(&declaration.variables);
+        let folder = unpacked(resources)?;
+        self.initialise(&mut values, folder.path())
+            .map_err(|source| FmuError::Unstartable { name: self.declaration.name, source })?;
+        let variables = declaration.variables.iter().enumerate();
+        let of_file = variables.filter_map(|(vr, variable)| {
+            let value = values.get(vr).filter(|value| **value != variable.kind.start())?;
+            let is_parameter = variable.causality == Causality::Parameter;
+            is_parameter.then(|| (variable.name.to_string(), text_of(variable, value)))
+        });
+        Ok(StartValues { from_files: of_file.collect(), chosen })
     }
 
     /// The committed `modelDescription.xml` of a version, in the project.
@@ -175,6 +252,24 @@ impl Fmu {
         let folder = file.parent().unwrap_or(Path::new("")).join(standard.folder());
         folder.join(file.file_name().unwrap_or_default())
     }
+}
+
+/// A package's resources as files.
+pub(crate) fn unpacked(package: &Package) -> Result<TempDir, FmuError> {
+    let folder = tempfile::tempdir().map_err(FmuError::Temporary)?;
+    package.unpack(RESOURCES, folder.path())?;
+    Ok(folder)
+}
+
+/// A value as a start file has it.
+fn text_of(variable: &Variable, value: &Value) -> String {
+    let item = match (&variable.kind, value) {
+        (VariableKind::Enumeration { items, .. }, Value::Integer(value)) => {
+            items.iter().find(|item| item.0 == *value)
+        }
+        _ => None,
+    };
+    item.map_or_else(|| value.to_string(), |item| item.1.to_owned())
 }
 
 pub(crate) const VEHICLE_FILE: &str = "vehicle_file";

@@ -8,13 +8,14 @@ use fmu_build::documentation::license_texts;
 use fmu_build::fmu::{Base, Fmu, FmuError};
 use fmu_build::linker;
 use fmu_build::package::Package;
-use fmu_build::packing::{Made, Options, Packing};
+use fmu_build::packing::{Made, Options, Packing, standard_of};
 use fmu_build::shipped;
 use fmu_build::standard::Standard;
 use fmu_build::system::System;
 use rfl_mpc::output::write_bytes;
 use std::collections::BTreeSet;
 use std::error::Error;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -67,10 +68,10 @@ struct Arguments {
     /// more
     #[arg(long, value_name = "FILE")]
     controller: Option<PathBuf>,
-    /// Give a parameter of an FMU another start value (may be repeated)
+    /// Give a parameter of an FMU another start value (may be repeated). A file that it names is packed
     #[arg(long, value_name = "FMU.PARAMETER=VALUE")]
     start: Vec<String>,
-    /// Set a parameter in a system (may be repeated)
+    /// Set a parameter in a system (may be repeated). A file that it names is packed into the FMU, as by --start
     #[arg(long, value_name = "COMPONENT.PARAMETER=VALUE")]
     set: Vec<String>,
     /// Only write the licences of what is linked into a package of the workspace, and a list of it (crates.json), to --out
@@ -130,6 +131,20 @@ impl From<TargetChoice> for Target {
     }
 }
 
+/// Prints a line. A reader that has read enough (`fmu-build ... | head -1`) does not end the work.
+macro_rules! say {
+    ($($words:tt)*) => { line(format_args!($($words)*)) };
+}
+
+fn line(words: std::fmt::Arguments) {
+    if let Err(error) = writeln!(std::io::stdout(), "{words}")
+        && error.kind() != ErrorKind::BrokenPipe
+    {
+        let _ = writeln!(std::io::stderr(), "fmu-build: standard output: {error}");
+        std::process::exit(1);
+    }
+}
+
 fn main() -> ExitCode {
     if linker::is_called() {
         return linker::run();
@@ -137,7 +152,7 @@ fn main() -> ExitCode {
     match run(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("fmu-build: {error}");
+            let _ = writeln!(std::io::stderr(), "fmu-build: {error}");
             ExitCode::FAILURE
         }
     }
@@ -178,33 +193,34 @@ fn build(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     };
     match options.builder {
         Builder::Zig if options.targets.is_empty() => {
-            println!("libraries are built by cargo-zigbuild for {}", Target::Linux64.triple());
+            say!("libraries are built by cargo-zigbuild for {}", Target::Linux64.triple());
         }
-        Builder::Zig => println!("libraries are built by cargo-zigbuild"),
+        Builder::Zig => say!("libraries are built by cargo-zigbuild"),
         Builder::Cargo => {
-            println!("libraries are built by cargo, and need this machine's glibc or a newer one");
+            say!("libraries are built by cargo, and need this machine's glibc or a newer one");
         }
     }
     // What the user gives is checked first: a build takes minutes.
-    add(&mut all, &options.project, arguments)?;
-    let systems = shipped::systems(&all, &options.project, &arguments.set)?;
+    let has_platform = |standard: &Standard| {
+        options.platforms().any(|target| target.is_none_or(|target| target.is_in(*standard)))
+    };
+    let standards: Vec<_> = Standard::ALL.into_iter().filter(has_platform).collect();
+    let settings = add(&mut all, &options.project, &standards, arguments)?;
+    let systems = shipped::systems(&all, &options.project, &settings)?;
     let chosen = choose(&all, &arguments.only)?;
     if chosen.len() > 1 {
-        println!("building {} libraries", chosen.len());
+        say!("building {} libraries", chosen.len());
         let selection: Vec<&str> = chosen.iter().flat_map(|fmu| &fmu.selection).copied().collect();
         for target in options.platforms() {
             options.builder.prepare(&options.project, &options.profile, &selection, target)?;
         }
     }
     for (i, fmu) in chosen.iter().enumerate() {
-        let has_platform = |standard: &Standard| {
-            options.platforms().any(|target| target.is_none_or(|target| target.is_in(*standard)))
-        };
-        for standard in Standard::ALL.into_iter().filter(has_platform) {
+        for standard in &standards {
             let title =
                 format!("[{}/{}] {} {}", i + 1, chosen.len(), fmu.declaration.name, standard.number());
-            let options = Options { packing: options.packing.for_standard(standard), ..options.clone() };
-            report(&title, || fmu.make(&options, |step| println!("{title}: {step}")))?;
+            let options = Options { packing: options.packing.for_standard(*standard), ..options.clone() };
+            report(&title, || fmu.make(&options, |step| say!("{title}: {step}")))?;
         }
     }
     for system in &systems {
@@ -236,15 +252,15 @@ fn change(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
     let nowhere = Path::new("");
     let packing = packing(arguments, PathBuf::from("out/fmu"));
-    add(&mut given, nowhere, arguments)?;
-    let systems = shipped::systems(&given, nowhere, &arguments.set)?;
+    let standard =
+        given.first().and_then(|fmu| fmu.base.as_ref()).map_or(Standard::default(), |base| base.standard);
+    let settings = add(&mut given, nowhere, &[standard], arguments)?;
+    let systems = shipped::systems(&given, nowhere, &settings)?;
     for fmu in &given {
         if let Some(base) = &fmu.base {
             report(fmu.declaration.name, || fmu.change(base, &packing.for_standard(base.standard)))?;
         }
     }
-    let standard =
-        given.first().and_then(|fmu| fmu.base.as_ref()).map_or(Standard::default(), |base| base.standard);
     systems.iter().try_for_each(|system| connect(system, &packing.for_standard(standard)))
 }
 
@@ -257,8 +273,14 @@ fn packing(arguments: &Arguments, out: PathBuf) -> Packing {
     }
 }
 
-/// Adds what the user gives to the FMUs that it is for. What none of them takes is an error.
-fn add(fmus: &mut [Fmu], project: &Path, arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+/// Adds what the user gives to the FMUs that it is for. What none of them takes is an error. Gives the settings that systems
+/// are made with.
+fn add(
+    fmus: &mut [Fmu],
+    project: &Path,
+    standards: &[Standard],
+    arguments: &Arguments,
+) -> Result<Vec<String>, Box<dyn Error>> {
     for vehicle in &arguments.vehicle {
         added::add_vehicle(fmus, vehicle)?;
     }
@@ -274,12 +296,24 @@ fn add(fmus: &mut [Fmu], project: &Path, arguments: &Arguments) -> Result<(), Bo
         )
         .into());
     }
+    for file in &arguments.merge {
+        if let Some(found) = standard_of(file)?.filter(|found| !standards.contains(found)) {
+            let made: Vec<_> = standards.iter().map(|standard| standard.number()).collect();
+            let (file, found, made) = (file.display(), found.number(), made.join(", "));
+            return Err(format!(
+                "{file} is of FMI {found}, and FMUs of FMI {made} are made: merge one of these"
+            )
+            .into());
+        }
+    }
     arguments.controller.iter().try_for_each(|file| added::add_controller(fmus, file))?;
     arguments.start.iter().try_for_each(|text| added::add_start(fmus, text))?;
+    let settings = added::add_settings(fmus, &arguments.set)?;
     for (controller, kind) in added::add_models(fmus, project, &arguments.residual)? {
-        println!("{controller} is packed with a learned model of kind {}", kind.name());
+        say!("{controller} is packed with a learned model of kind {}", kind.name());
     }
-    Ok(())
+    added::try_added(fmus, project)?;
+    Ok(settings)
 }
 
 fn write_descriptions(project: &Path, all: &[Fmu]) -> Result<(), Box<dyn Error>> {
@@ -292,7 +326,7 @@ fn write_descriptions(project: &Path, all: &[Fmu]) -> Result<(), Box<dyn Error>>
             if !same {
                 write_bytes(&path, xml)?;
             }
-            println!("{} {}", if same { "unchanged" } else { "written  " }, file.display());
+            say!("{} {}", if same { "unchanged" } else { "written  " }, file.display());
         }
     }
     Ok(())
@@ -332,12 +366,12 @@ fn report(title: &str, make: impl FnOnce() -> Result<Made, FmuError>) -> Result<
     let begin = Instant::now();
     let made = make()?;
     let seconds = begin.elapsed().as_secs_f64();
-    println!("{title}: {} ({} kB, {seconds:.1} s)", made.path.display(), made.size / 1000);
+    say!("{title}: {} ({} kB, {seconds:.1} s)", made.path.display(), made.size / 1000);
     for library in &made.libraries {
-        println!("{title}: {} {}", library.platform, library.requirements());
+        say!("{title}: {} {}", library.platform, library.requirements());
     }
     for merged in &made.merged {
-        println!("{title}: with {merged}, built elsewhere");
+        say!("{title}: with {merged}, built elsewhere");
     }
     Ok(())
 }
@@ -349,7 +383,7 @@ fn connect(system: &System, packing: &Packing) -> Result<(), Box<dyn Error>> {
     let all: Vec<_> = system.components().map(|component| component.name).collect();
     let missing: Vec<_> = all.iter().copied().filter(|name| !path(name).is_file()).collect();
     if !missing.is_empty() {
-        println!("{}.ssp is not made: {} not in {}", system.name(), missing.join(", "), out.display());
+        say!("{}.ssp is not made: {} not in {}", system.name(), missing.join(", "), out.display());
         return Ok(());
     }
     let mut package = Package::default();
@@ -362,6 +396,6 @@ fn connect(system: &System, packing: &Packing) -> Result<(), Box<dyn Error>> {
     }
     let ssp = out.join(format!("{}.ssp", system.name()));
     let size = package.write(&ssp)?;
-    println!("{} ({} kB, {} connections)", ssp.display(), size / 1000, system.connections().len());
+    say!("{} ({} kB, {} connections)", ssp.display(), size / 1000, system.connections().len());
     Ok(())
 }

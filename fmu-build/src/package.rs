@@ -161,6 +161,23 @@ impl Package {
         self.entries.remove(name);
     }
 
+    /// Takes out what is below a folder (which ends in `/`), as a package of its own.
+    #[must_use]
+    pub fn split_off(&mut self, folder: &str) -> Self {
+        let all = std::mem::take(&mut self.entries).into_iter();
+        let (below, others) = all.partition(|(name, _)| name.starts_with(folder));
+        self.entries = others;
+        Self { entries: below }
+    }
+
+    /// Adds all entries of another one.
+    ///
+    /// # Errors
+    /// If there is one of the same name.
+    pub fn extend(&mut self, other: Self) -> Result<(), PackageError> {
+        other.entries.into_iter().try_for_each(|(name, content)| self.add(name, content))
+    }
+
     /// Writes the entries below `folder` (which ends in `/`) as files into another folder.
     ///
     /// # Errors

@@ -3,16 +3,13 @@
 use crate::cargo::{self, Builder, Target};
 use crate::description::{describe_for_in, describe_in};
 use crate::documentation;
-use crate::fmu::{Base, Fmu, FmuError, Surroundings, temporary_folder};
+use crate::fmu::{Base, Fmu, FmuError, RESOURCES};
 use crate::library::{self, Library};
 use crate::linker;
 use crate::package::{Package, PackageError};
-use crate::shipped::ClosedLoop;
 use crate::standard::Standard;
 use crate::terminals;
-use rfl_mpc::fmi::{START_FILE, start_file};
-use rfl_mpc::fmu::DEFAULT_PATH;
-use std::collections::BTreeMap;
+use rfl_mpc::fmi::START_FILE;
 use std::path::{Path, PathBuf};
 
 /// Folder for FMUs, and what goes in beside what is built.
@@ -98,14 +95,7 @@ impl Fmu {
         }
 
         progress("packing");
-        for resource in self.resources {
-            let (from, to) = (options.project.join(resource.from), format!("resources/{}", resource.to));
-            if from.is_dir() {
-                package.add_folder(&to, &from)?;
-            } else {
-                package.add_file(to, &from)?;
-            }
-        }
+        package.extend(self.resources_in(&options.project)?)?;
         let linked = cargo::dependencies(&options.project, self.package, &options.targets)?;
         documentation::license(&mut package, &options.project.join("LICENSE"), &linked)?;
         self.pack(package, libraries, &xml, &options.packing)
@@ -117,13 +107,11 @@ impl Fmu {
     /// See [`FmuError`].
     pub fn change(&self, base: &Base, packing: &Packing) -> Result<Made, FmuError> {
         let mut package = base.package.clone();
-        let start = format!("resources/{START_FILE}");
-        for made_anew in ["modelDescription.xml", documentation::INDEX, &start, terminals::FILE] {
+        for made_anew in ["modelDescription.xml", documentation::INDEX, terminals::FILE] {
             package.remove(made_anew);
         }
-        for entry in self.added.files.keys() {
-            package.remove(&format!("resources/{entry}"));
-        }
+        drop(package.split_off(RESOURCES));
+        package.extend(self.resources_in(Path::new(""))?)?;
         let libraries = package
             .names("binaries/")
             .filter_map(|name| Library::check_bytes(Path::new(name), package.get(name)?, base.standard).ok());
@@ -131,7 +119,7 @@ impl Fmu {
         self.pack(package, libraries, &describe_in(base.standard, &self.declaration), packing)
     }
 
-    /// Adds what the user gives, the descriptions, and libraries that were built elsewhere; writes the FMU.
+    /// Adds start values, the descriptions, and libraries that were built elsewhere; writes the FMU.
     fn pack(
         &self,
         mut package: Package,
@@ -139,14 +127,11 @@ impl Fmu {
         xml: &str,
         packing: &Packing,
     ) -> Result<Made, FmuError> {
-        for (entry, file) in &self.added.files {
-            package.add_file(format!("resources/{entry}"), file)?;
-        }
         let mut declaration = self.declaration.clone();
-        let start = self.starts();
+        let start = self.start_values(&package)?;
         if !start.is_empty() {
-            start.iter().try_for_each(|(name, value)| declaration.start_with(name, value))?;
-            package.add(format!("resources/{START_FILE}"), start_file(&start))?;
+            declaration.start_from(&start)?;
+            package.add(format!("{RESOURCES}{START_FILE}"), start.to_text())?;
         }
         let standard = packing.standard;
         package.add("modelDescription.xml", describe_for_in(standard, &self.declaration, &declaration))?;
@@ -158,27 +143,9 @@ impl Fmu {
         let merged = self.merge(packing, &mut package, xml)?;
         let page = documentation::index(standard, &declaration, &libraries_of(&package, standard));
         package.add(documentation::INDEX, page)?;
-        if self.base.is_some() {
-            self.try_resources(&package, &start)?;
-        }
         let out = packing.out.join(format!("{}.fmu", self.declaration.name));
         let size = package.write(&out)?;
         Ok(Made { path: out, size, libraries, merged })
-    }
-
-    /// Starts the controller with all that is in a changed FMU: a model packed earlier may be of another vehicle than
-    /// the one that is packed now.
-    fn try_resources(&self, package: &Package, start: &BTreeMap<String, String>) -> Result<(), FmuError> {
-        let system = ClosedLoop::of(self.vehicle);
-        if self.declaration.name != system.controller {
-            return Ok(());
-        }
-        let folder = temporary_folder()?;
-        package.unpack("resources/", folder.path())?;
-        let surroundings = Surroundings { folder: folder.path(), path: DEFAULT_PATH };
-        system
-            .try_controller(surroundings, start)
-            .map_err(|source| FmuError::Controller { name: self.declaration.name, source })
     }
 
     /// The library has the committed description inside: it must be today's.
@@ -211,7 +178,9 @@ impl Fmu {
             }
         }
         for fmu in &packing.merge {
-            if fmu.file_stem().is_some_and(|stem| stem == name) && is_of(fmu, standard)? {
+            let is_ours = fmu.file_stem().is_some_and(|stem| stem == name);
+            // One that says of no version is taken for what is wanted: what is wrong with it is said when it is merged.
+            if is_ours && standard_of(fmu)?.is_none_or(|found| found == standard) {
                 let wanted: Vec<_> = standard.platforms().iter().map(|place| entry_of(place, name)).collect();
                 let names = package.merge_binaries(fmu, &wanted, standard.mark_of(xml).as_bytes())?;
                 for entry in &names {
@@ -224,12 +193,13 @@ impl Fmu {
     }
 }
 
-/// True if an FMU is of this version of FMI. One that says of none is taken for what is wanted: what is wrong with it is said
-/// when it is merged.
-fn is_of(fmu: &Path, standard: Standard) -> Result<bool, PackageError> {
+/// The version of FMI that an FMU's file is of, if its description says so.
+///
+/// # Errors
+/// A file that is no archive.
+pub fn standard_of(fmu: &Path) -> Result<Option<Standard>, PackageError> {
     let xml = Package::read_entry(fmu, "modelDescription.xml")?.unwrap_or_default();
-    let xml = String::from_utf8_lossy(&xml).into_owned();
-    Ok(Standard::of(&xml).is_none_or(|found| found == standard))
+    Ok(Standard::of(&String::from_utf8_lossy(&xml)))
 }
 
 /// Checks that a library exports what it must, and is for the platform in whose folder it lies.

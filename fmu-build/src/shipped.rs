@@ -1,11 +1,10 @@
 //! The FMUs and systems that we ship. An FMU is added here, in `src/fmu/` and as a crate beside this one.
 
-use crate::fmu::{Added, Fmu, Resource, Surroundings, VEHICLE_FILE, vehicle_of};
+use crate::fmu::{Added, Fmu, FmuError, Resource, initialize, unpacked};
 use crate::system::{SettingError, System};
-use rfl_mpc::fmi::{Context, Declaration, Log, Model, ModelError, Severity, Value, Values};
+use rfl_mpc::fmi::{Declaration, Model, ModelError, StartError, Values};
 use rfl_mpc::fmu::{DEFAULT_PATH, PassengerCar, RflMpc, SemiTrailerTruck, TruckRflMpc};
 use rfl_mpc::vehicle::VehicleKind;
-use std::collections::BTreeMap;
 use std::path::Path;
 
 /// All FMUs, in the order in which systems step them: the plant before its controller.
@@ -13,10 +12,10 @@ use std::path::Path;
 pub fn fmus() -> Vec<Fmu> {
     use VehicleKind::{Car, Truck};
     vec![
-        fmu(PassengerCar::declaration(), Car, "fmu-passenger-car", VEHICLES),
-        fmu(RflMpc::declaration(), Car, "fmu-rfl-mpc", CAR_CONTROLLER),
-        fmu(SemiTrailerTruck::declaration(), Truck, "fmu-semi-trailer-truck", VEHICLES),
-        fmu(TruckRflMpc::declaration(), Truck, "fmu-truck-rfl-mpc", TRUCK_CONTROLLER),
+        fmu::<PassengerCar>(Car, "fmu-passenger-car", VEHICLES),
+        fmu::<RflMpc>(Car, "fmu-rfl-mpc", CAR_CONTROLLER),
+        fmu::<SemiTrailerTruck>(Truck, "fmu-semi-trailer-truck", VEHICLES),
+        fmu::<TruckRflMpc>(Truck, "fmu-truck-rfl-mpc", TRUCK_CONTROLLER),
     ]
 }
 
@@ -31,37 +30,18 @@ pub struct ClosedLoop {
     pub plant: &'static str,
     /// The controller's.
     pub controller: &'static str,
-    declare: fn() -> Declaration,
-    initialize: fn(&mut Values, &Context) -> Result<(), ModelError>,
-    /// The path that the controller carries.
-    path: Resource,
 }
 
 /// The systems.
 pub const SYSTEMS: [ClosedLoop; 2] = [
-    ClosedLoop {
-        name: "ClosedLoop",
-        vehicle: VehicleKind::Car,
-        plant: "PassengerCar",
-        controller: "RflMpc",
-        declare: RflMpc::declaration,
-        initialize: initialize::<RflMpc>,
-        path: CAR_CONTROLLER[1],
-    },
+    ClosedLoop { name: "ClosedLoop", vehicle: VehicleKind::Car, plant: "PassengerCar", controller: "RflMpc" },
     ClosedLoop {
         name: "TruckLoop",
         vehicle: VehicleKind::Truck,
         plant: "SemiTrailerTruck",
         controller: "TruckRflMpc",
-        declare: TruckRflMpc::declaration,
-        initialize: initialize::<TruckRflMpc>,
-        path: TRUCK_CONTROLLER[1],
     },
 ];
-
-fn initialize<M: Model>(values: &mut Values, context: &Context) -> Result<(), ModelError> {
-    M::new().initialize(values, 0.0, context, &mut Unheard)
-}
 
 /// Reasons for which the system cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -71,6 +51,47 @@ pub enum SystemError {
     Setting(#[from] SettingError),
     #[error("the controller cannot start with these settings: {0}")]
     Controller(#[from] ModelError),
+    #[error(transparent)]
+    Start(#[from] StartError),
+    #[error(transparent)]
+    Fmu(#[from] FmuError),
+}
+
+/// Systems whose FMUs are all among these, with vehicle and controller.
+fn given(fmus: &[Fmu]) -> Vec<(&'static ClosedLoop, &Fmu, &Fmu)> {
+    let given = |name: &str| fmus.iter().find(|fmu| fmu.declaration.name == name);
+    let both = |system: &'static ClosedLoop| Some((system, given(system.plant)?, given(system.controller)?));
+    SYSTEMS.iter().filter_map(both).collect()
+}
+
+/// The component of a setting, `COMPONENT.PARAMETER=VALUE`.
+fn component(setting: &str) -> &str {
+    setting.trim().split('.').next().unwrap_or_default()
+}
+
+/// Checks that each setting (`COMPONENT.PARAMETER=VALUE`) is for a component of a system that is made of these FMUs.
+///
+/// # Errors
+/// One that is for none.
+pub fn check_settings(fmus: &[Fmu], settings: &[String]) -> Result<(), SettingError> {
+    let systems = given(fmus);
+    for setting in settings {
+        let (name, _) = setting.split_once('=').ok_or_else(|| SettingError::Form(setting.clone()))?;
+        let name = name.trim().to_owned();
+        if systems.is_empty() {
+            let of = SYSTEMS.iter().find(|system| system.has(component(&name))).unwrap_or(&SYSTEMS[0]);
+            return Err(SettingError::NoSystem {
+                name,
+                needed: format!("{} and {}", of.plant, of.controller),
+            });
+        }
+        if systems.iter().all(|(system, ..)| !system.has(component(&name))) {
+            let components: Vec<_> =
+                systems.iter().flat_map(|(system, ..)| [system.plant, system.controller]).collect();
+            return Err(SettingError::Unknown { name, components: components.join(", ") });
+        }
+    }
+    Ok(())
 }
 
 /// The systems whose FMUs are all among these, with the user's settings (`COMPONENT.PARAMETER=VALUE`). A vehicle starts
@@ -79,23 +100,11 @@ pub enum SystemError {
 /// # Errors
 /// A setting that is none, or one with which a controller cannot be initialised.
 pub fn systems(fmus: &[Fmu], project: &Path, settings: &[String]) -> Result<Vec<System>, SystemError> {
-    let given = |name: &str| fmus.iter().find(|fmu| fmu.declaration.name == name);
-    let both = |system: &'static ClosedLoop| Some((system, given(system.plant)?, given(system.controller)?));
-    let systems: Vec<(&ClosedLoop, &Fmu, &Fmu)> = SYSTEMS.iter().filter_map(both).collect();
-    let component = |setting: &str| setting.trim().split('.').next().unwrap_or_default().to_owned();
-    for setting in settings {
-        let (name, _) = setting.split_once('=').ok_or_else(|| SettingError::Form(setting.clone()))?;
-        if systems.iter().all(|(system, ..)| !system.has(&component(name))) {
-            let components: Vec<_> =
-                systems.iter().flat_map(|(system, ..)| [system.plant, system.controller]).collect();
-            let (name, components) = (name.trim().to_owned(), components.join(", "));
-            return Err(SettingError::Unknown { name, components }.into());
-        }
-    }
+    check_settings(fmus, settings)?;
     let of = |system: &ClosedLoop| -> Vec<String> {
-        settings.iter().filter(|setting| system.has(&component(setting))).cloned().collect()
+        settings.iter().filter(|setting| system.has(component(setting))).cloned().collect()
     };
-    systems
+    given(fmus)
         .into_iter()
         .map(|(system, plant, controller)| system.with(plant, controller, project, &of(system)))
         .collect()
@@ -121,12 +130,6 @@ impl ClosedLoop {
         fmus().into_iter().filter(|fmu| fmu.vehicle == self.vehicle).map(|fmu| fmu.declaration).collect()
     }
 
-    /// Places of the files that its controller's start values name: in the FMU that is changed, or in the project.
-    pub(crate) fn surroundings<'a>(&self, controller: &'a Fmu, project: &'a Path) -> Surroundings<'a> {
-        let of_project = Surroundings { folder: project, path: self.path.from };
-        controller.base.as_ref().map_or(of_project, |base| base.surroundings())
-    }
-
     /// The system with settings of its components.
     fn with(
         &self,
@@ -150,78 +153,25 @@ impl ClosedLoop {
         Ok(system)
     }
 
-    /// Start of the path, from the controller itself: x, y, yaw, speed.
+    /// Start of the path, from the controller itself as the system sets it: x, y, yaw, speed.
     fn start_of_path(
         &self,
         controller: &Fmu,
         project: &Path,
         system: &System,
-    ) -> Result<[f64; 4], ModelError> {
-        let declaration = (self.declare)();
+    ) -> Result<[f64; 4], SystemError> {
+        let declaration = controller.declared_with(&controller.starts())?;
         let mut values = Values::starting_from(&declaration.variables);
-        // A learned model is not packed yet, and the path begins at the same place with any variant.
-        let counts = |name: &str| !["variant", "residual.file"].contains(&name);
-        for (name, text) in controller.starts().iter().filter(|(name, _)| counts(name)) {
-            let text = if name == VEHICLE_FILE { &vehicle_of(controller) } else { text };
-            set_text(&declaration, &mut values, name, text);
+        for (name, value) in system.settings_of(self.controller) {
+            if let Some(vr) = declaration.find(name) {
+                values.set_by_host(vr, &declaration.variables[vr], value.clone());
+            }
         }
-        for (name, value) in system.settings_of(self.controller).filter(|(name, _)| counts(name)) {
-            set(&declaration, &mut values, name, value.clone());
-        }
-        self.initialise(self.surroundings(controller, project), &declaration, &mut values)?;
+        let resources = unpacked(&controller.resources_in(project).map_err(FmuError::from)?)?;
+        controller.initialise(&mut values, resources.path())?;
         let of = |name: &str| declaration.find(name).map_or(0.0, |vr| values.real(vr));
         Ok(["start.x", "start.y", "start.yaw", "start.speed"].map(of))
     }
-
-    /// Initialises the controller as its FMU would be, with these values of parameters, as text.
-    pub(crate) fn try_controller(
-        &self,
-        surroundings: Surroundings<'_>,
-        start: &BTreeMap<String, String>,
-    ) -> Result<(), ModelError> {
-        let declaration = (self.declare)();
-        let mut values = Values::starting_from(&declaration.variables);
-        for (name, text) in start {
-            set_text(&declaration, &mut values, name, text);
-        }
-        self.initialise(surroundings, &declaration, &mut values)
-    }
-
-    fn initialise(
-        &self,
-        surroundings: Surroundings<'_>,
-        declaration: &Declaration,
-        values: &mut Values,
-    ) -> Result<(), ModelError> {
-        let Surroundings { folder, path: named } = surroundings;
-        let path = declaration.find("path_file").filter(|vr| !values.is_set_by_host(*vr));
-        if let Some(vr) = path {
-            values.set_by_host(vr, &declaration.variables[vr], Value::String(named.to_owned()));
-        }
-        let context = Context { resources: Some(folder.to_owned()), instance_name: self.name.to_owned() };
-        (self.initialize)(values, &context)
-    }
-}
-
-fn set(declaration: &Declaration, values: &mut Values, name: &str, value: Value) {
-    if let Some(vr) = declaration.find(name) {
-        values.set_by_host(vr, &declaration.variables[vr], value);
-    }
-}
-
-/// Sets a parameter from a text that was checked before.
-fn set_text(declaration: &Declaration, values: &mut Values, name: &str, text: &str) {
-    let value = declaration.find(name).map(|vr| declaration.variables[vr].value_of(text));
-    if let Some(Ok(value)) = value {
-        set(declaration, values, name, value);
-    }
-}
-
-/// Discards the controller's messages: it gives them again to the host.
-struct Unheard;
-
-impl Log for Unheard {
-    fn log(&mut self, _severity: Severity, _category: &'static str, _message: &str) {}
 }
 
 /// Vehicle files with their tyres.
@@ -232,14 +182,10 @@ const CAR_CONTROLLER: &[Resource] =
 const TRUCK_CONTROLLER: &[Resource] =
     &[VEHICLES[0], Resource { from: "paths/truck_off_road.csv", to: DEFAULT_PATH }];
 
-fn fmu(
-    declaration: Declaration,
-    vehicle: VehicleKind,
-    package: &'static str,
-    resources: &'static [Resource],
-) -> Fmu {
+fn fmu<M: Model>(vehicle: VehicleKind, package: &'static str, resources: &'static [Resource]) -> Fmu {
+    let declaration = M::declaration();
     let description = format!("modelDescription/{}.xml", declaration.name);
-    let added = Added::default();
+    let (added, initialize) = (Added::default(), initialize::<M>);
     let selection = vec!["-p", package];
-    Fmu { declaration, vehicle, description, package, selection, resources, added, base: None }
+    Fmu { declaration, vehicle, description, package, selection, resources, initialize, added, base: None }
 }

@@ -78,6 +78,11 @@ pub enum SettingError {
     Form(String),
     #[error("there is no component of which `{name}` is a parameter; components: {components}")]
     Unknown { name: String, components: String },
+    #[error(
+        "`{name}` is set in a system, and no system is made: it needs both its FMUs, {needed}. Give both, or --start {name}=... \
+         for the FMU alone"
+    )]
+    NoSystem { name: String, needed: String },
     #[error("`{name}` is {wanted}, which `{value}` is not")]
     Value { name: String, value: String, wanted: String },
 }

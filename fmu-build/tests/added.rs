@@ -1,6 +1,6 @@
 //! Learned models and a car packed into FMUs: what is added, what the FMU starts with, and what is refused.
 
-use fmu_build::added::{AddError, add_models, add_start, add_vehicle};
+use fmu_build::added::{AddError, add_models, add_settings, add_start, add_vehicle, try_added};
 use fmu_build::description::{describe, describe_for};
 use fmu_build::fmu::Fmu;
 use fmu_build::shipped;
@@ -158,6 +158,138 @@ fn a_car_is_packed_with_its_tyres() {
     let error = add_vehicle(&mut fmus, at("below/far.toml").to_str().unwrap()).unwrap_err();
     assert!(matches!(&error, AddError::Tyre { tyre, .. } if tyre == "../tyres/mine.tir"), "{error}");
     assert!(add_vehicle(&mut fmus, "batmobile").unwrap_err().to_string().contains("c_class"));
+}
+
+/// The shipped FMUs have no start file: what they declare is what they drive with.
+#[test]
+fn an_fmu_drives_with_what_it_declares() {
+    for fmu in shipped::fmus() {
+        let start = fmu.start_values(&fmu.resources_in(&project()).unwrap()).unwrap();
+        assert!(start.is_empty(), "{}: {start:?}", fmu.declaration.name);
+    }
+}
+
+/// With another vehicle, the numbers of its file are the declared ones, but for those of a user's choice.
+#[test]
+fn the_numbers_of_a_packed_file_are_declared() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let text = std::fs::read_to_string(project().join("vehicles/c_class.toml")).unwrap();
+    let text = text.replace("mass = 1400.0 ", "mass = 1800.0 ").replace("tyres/c_class.tir", "c_class.tir");
+    std::fs::write(at("mine.toml"), text + "\n[effect]\nsteer_lag = 0.1\n").unwrap();
+    std::fs::copy(project().join("vehicles/tyres/c_class.tir"), at("c_class.tir")).unwrap();
+    std::fs::write(at("controller.toml"), "kind = 'car'\nvariant = 'none'\n[controller]\nmpc.q_e1 = 3\n")
+        .unwrap();
+    let mut fmus = shipped::fmus();
+    add_vehicle(&mut fmus, &at("mine.toml")).unwrap();
+    add_start(&mut fmus, &format!("RflMpc.controller_file={}", at("controller.toml"))).unwrap();
+    let start = |fmus: &[Fmu], name: &str| {
+        let fmu = of(fmus, name);
+        fmu.start_values(&fmu.resources_in(&project()).unwrap()).unwrap()
+    };
+    let (car, controller) = (start(&fmus, "PassengerCar"), start(&fmus, "RflMpc"));
+    assert_eq!((&*car.from_files["vehicle.mass"], &*car.from_files["effect.steer_lag"]), ("1800", "0.1"));
+    assert_eq!(controller.from_files["vehicle.mass"], "1800");
+    assert_eq!((&*controller.from_files["mpc.q_e1"], &*controller.from_files["variant"]), ("3", "none"));
+    assert_eq!(
+        car.chosen.into_iter().collect::<Vec<_>>(),
+        [("vehicle_file".to_owned(), "car/mine.toml".to_owned())]
+    );
+
+    // A choice is one, also of the library's own start value.
+    for chosen in
+        ["PassengerCar.vehicle.mass=1400", "PassengerCar.effect.steer_lag=0", "RflMpc.variant=adaptive"]
+    {
+        add_start(&mut fmus, chosen).unwrap();
+    }
+    let (car, controller) = (start(&fmus, "PassengerCar"), start(&fmus, "RflMpc"));
+    assert_eq!((&*car.chosen["vehicle.mass"], &*car.chosen["effect.steer_lag"]), ("1400", "0"));
+    assert!(!car.from_files.contains_key("vehicle.mass") && !car.from_files.contains_key("effect.steer_lag"));
+    assert!(
+        !controller.from_files.contains_key("variant") && controller.from_files.contains_key("vehicle.mass")
+    );
+}
+
+/// A start value that names a file brings the file with it, by its name in the resources.
+#[test]
+fn a_file_that_a_start_value_names_is_packed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    std::fs::copy(project().join("paths/hairpin_circuit.csv"), at("my road.csv")).unwrap();
+    std::fs::write(at("controller.toml"), "kind = 'car'\n[controller]\nmpc.q_e1 = 3\n").unwrap();
+    std::fs::copy(project().join("vehicles/bmw_320i.toml"), at("mine.toml")).unwrap();
+    std::fs::create_dir(at("tyres")).unwrap();
+    std::fs::copy(project().join("vehicles/tyres/commonroad.tir"), at("tyres/commonroad.tir")).unwrap();
+    model(folder.path(), "learned.rflm", Kind::Linear, &builtin("bmw_320i").unwrap(), 0.02);
+    let mut fmus = shipped::fmus();
+    for (parameter, file, name) in [
+        ("RflMpc.path_file", "my road.csv", "roads/my road.csv"),
+        ("PassengerCar.road_file", "my road.csv", "roads/my road.csv"),
+        ("RflMpc.vehicle_file", "mine.toml", "car/mine.toml"),
+        ("RflMpc.residual.file", "learned.rflm", "models/learned.rflm"),
+        ("RflMpc.controller_file", "controller.toml", "controllers/controller.toml"),
+    ] {
+        add_start(&mut fmus, &format!("{parameter}={}", at(file))).unwrap();
+        let (fmu, parameter) = parameter.split_once('.').unwrap();
+        let added = &of(&fmus, fmu).added;
+        assert_eq!(added.start[parameter], name);
+        assert_eq!(added.files[name], Path::new(&at(file)));
+    }
+    assert!(of(&fmus, "RflMpc").added.files.contains_key("car/tyres/commonroad.tir"));
+    try_added(&fmus, &project()).unwrap();
+    let controller = of(&fmus, "RflMpc");
+    let start = controller.start_values(&controller.resources_in(&project()).unwrap()).unwrap();
+    assert_eq!((&*start.from_files["variant"], &*start.from_files["mpc.q_e1"]), ("linear", "3"));
+    // What is in the FMU stays a name, and so does a built-in vehicle.
+    for text in [
+        "RflMpc.path_file=path.csv",
+        "RflMpc.vehicle_file=vehicles/genesis.toml",
+        "RflMpc.vehicle_file=genesis",
+    ] {
+        let mut fmus = shipped::fmus();
+        add_start(&mut fmus, text).unwrap();
+        assert!(of(&fmus, "RflMpc").added.files.is_empty());
+        try_added(&fmus, &project()).unwrap();
+    }
+    // What is no such file is refused, by its own name.
+    for (parameter, file) in [
+        ("PassengerCar.road_file", "none.csv"),
+        ("PassengerCar.road_file", "mine.toml"),
+        ("PassengerCar.vehicle_file", "none.toml"),
+        ("PassengerCar.vehicle_file", "controller.toml"),
+        ("SemiTrailerTruck.vehicle_file", "mine.toml"),
+        ("RflMpc.path_file", "none.csv"),
+        ("RflMpc.path_file", "controller.toml"),
+        ("RflMpc.residual.file", "my road.csv"),
+        ("RflMpc.controller_file", "none.toml"),
+    ] {
+        let error = add_start(&mut shipped::fmus(), &format!("{parameter}={}", at(file))).unwrap_err();
+        assert!(error.to_string().contains(&at(file)), "{parameter} {file}: {error}");
+    }
+    // A name below a folder of the resources that is none of theirs shows when the FMU is tried.
+    let mut fmus = shipped::fmus();
+    add_start(&mut fmus, "PassengerCar.vehicle_file=vehicles/none.toml").unwrap();
+    let error = try_added(&fmus, &project()).unwrap_err().to_string();
+    assert!(error.contains("PassengerCar cannot start") && error.contains("vehicles/none.toml"), "{error}");
+}
+
+/// A system has no texts: what they name goes into the FMUs.
+#[test]
+fn texts_of_a_system_s_settings_go_into_its_fmus() {
+    let road = project().join("paths/hairpin_circuit.csv");
+    let settings = [
+        format!("RflMpc.path_file={}", road.display()),
+        "RflMpc.mpc.q_e1=2".to_owned(),
+        "PassengerCar.vehicle_file = genesis".to_owned(),
+    ];
+    let mut fmus = shipped::fmus();
+    assert_eq!(add_settings(&mut fmus, &settings).unwrap(), ["RflMpc.mpc.q_e1=2"]);
+    assert_eq!(of(&fmus, "RflMpc").added.start["path_file"], "roads/hairpin_circuit.csv");
+    assert_eq!(of(&fmus, "PassengerCar").added.start["vehicle_file"], "genesis");
+    let error = add_settings(&mut fmus[..1], &settings).unwrap_err().to_string();
+    let wanted = ["RflMpc.path_file", "PassengerCar and RflMpc", "--start"];
+    assert!(wanted.iter().all(|words| error.contains(words)), "{error}");
+    assert!(add_settings(&mut fmus, &["RflMpc.path_file=none.csv".to_owned()]).is_err());
 }
 
 #[test]

@@ -6,7 +6,7 @@
 mod toy;
 
 use fmu_build::cargo::Builder;
-use fmu_build::fmu::{Added, Base, Fmu, FmuError, Resource};
+use fmu_build::fmu::{Added, Base, Fmu, FmuError, Resource, initialize};
 use fmu_build::library::{FMI2_FUNCTIONS, Library, LibraryError};
 use fmu_build::package::{Package, PackageError};
 use fmu_build::packing::{Made, Options, Packing};
@@ -29,6 +29,7 @@ fn toy() -> Fmu {
         // What is built for all tests: a narrower selection has other features, and would be a build of the library apart.
         selection: include_str!("../../scripts/tested.txt").split_whitespace().collect(),
         resources: LICENSE,
+        initialize: initialize::<toy::SteeringLag>,
         added: Added::default(),
         base: None,
     }
@@ -89,7 +90,7 @@ fn an_fmu_has_all_that_the_standard_and_people_want() {
     for wanted in ["steer_cmd", "actuator.tau", "0.001 … 10", "fmi2Discard", "logActuator"] {
         assert!(html.contains(wanted), "{wanted} is missing in the documentation");
     }
-    let html = String::from_utf8(entry(&made.path, "documentation/licenses/index.html")).unwrap();
+    let html = String::from_utf8(entry(&made.path, "documentation/licenses/license.html")).unwrap();
     for wanted in ["nalgebra", "Apache-2.0", "<td>std"] {
         assert!(html.contains(wanted), "{wanted} is missing among the licences");
     }

@@ -1,7 +1,7 @@
 //! The systems: every signal that controller and vehicle share is connected, settings are typed, and what hosts read
 //! stands where they read it.
 
-use fmu_build::added::add_start;
+use fmu_build::added::{add_settings, add_start};
 use fmu_build::shipped::{self, ClosedLoop, SYSTEMS};
 use fmu_build::standard::Standard;
 use fmu_build::system::{SettingError, System};
@@ -157,7 +157,9 @@ fn vehicles_start_on_the_path() {
     let project = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let begin = |vehicle: VehicleKind, settings: &[&str]| {
         let settings: Vec<String> = settings.iter().map(ToString::to_string).collect();
-        let systems = shipped::systems(&shipped::fmus(), &project, &settings).unwrap();
+        let mut fmus = shipped::fmus();
+        let settings = add_settings(&mut fmus, &settings).unwrap();
+        let systems = shipped::systems(&fmus, &project, &settings).unwrap();
         let shipped = ClosedLoop::of(vehicle);
         let system = systems.iter().find(|system| system.name() == shipped.name).unwrap();
         ["initial.x", "initial.y", "initial.yaw", "initial.vx"].map(|name| {
@@ -174,7 +176,8 @@ fn vehicles_start_on_the_path() {
         (VehicleKind::Truck, "paths/sudoku_test.csv"),
     ] {
         let controller = ClosedLoop::of(vehicle).controller;
-        let [x, y, yaw, vx] = begin(vehicle, &[&format!("{controller}.path_file={file}")]);
+        let named = format!("{controller}.path_file={}", project.join(file).display());
+        let [x, y, yaw, vx] = begin(vehicle, &[&named]);
         assert_eq!((x, y, yaw), (at(file).x, at(file).y, at(file).yaw));
         assert!(vx > 1.0, "{vx}");
     }
@@ -186,7 +189,8 @@ fn vehicles_start_on_the_path() {
 
     // A road that is packed into the controller counts, too, and so does a start that is packed into the vehicle.
     let mut fmus = shipped::fmus();
-    add_start(&mut fmus, "RflMpc.path_file=paths/hairpin_circuit.csv").unwrap();
+    let road = project.join("paths/hairpin_circuit.csv");
+    add_start(&mut fmus, &format!("RflMpc.path_file={}", road.display())).unwrap();
     add_start(&mut fmus, "PassengerCar.initial.vx=3").unwrap();
     let systems = shipped::systems(&fmus, &project, &[]).unwrap();
     let values: Vec<_> = systems[0].settings_of("PassengerCar").collect();

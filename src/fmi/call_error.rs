@@ -1,6 +1,7 @@
 //! Reasons for which a call was refused. Unless a variant says otherwise, a refused call has changed nothing.
 
 use super::instance_state::InstanceState;
+use super::seconds::Seconds;
 use super::types::Status;
 use super::version::Version;
 
@@ -218,7 +219,8 @@ impl CallError {
             ),
             CallError::StartTime { start } => format!("the start time {start} s is no finite number"),
             CallError::StopTime { start, stop } => {
-                format!("the stop time {stop} s is no finite number, or before the start time {start} s")
+                let (start, stop) = (Seconds(*start), Seconds(*stop));
+                format!("the stop time {stop} is no finite number, or before the start time {start}")
             }
             CallError::StepSize { step } => format!(
                 "a communication step of {step} s cannot be made: it must be finite and greater than zero"
@@ -226,21 +228,30 @@ impl CallError {
             CallError::CommunicationPoint { point } => {
                 format!("the communication point {point} s is no finite number")
             }
-            CallError::SteppedBack { point, time } => format!(
-                "the host steps from {point} s, but the instance is already at {time} s. To repeat a step, restore an FMU \
-         state that was stored at {point} s (fmi{v}Set{state}) first."
-            ),
-            CallError::SteppedAhead { point, time } => format!(
-                "the host steps from {point} s, but the instance is still at {time} s: the time between is missing. Step \
-         from {time} s."
-            ),
+            CallError::SteppedBack { point, time } => {
+                let (point, time) = (Seconds(*point), Seconds(*time));
+                format!(
+                    "the host steps from {point}, but the instance is already at {time}. To repeat a step, restore an FMU \
+                     state that was stored at {point} (fmi{v}Set{state}) first."
+                )
+            }
+            CallError::SteppedAhead { point, time } => {
+                let (point, time) = (Seconds(*point), Seconds(*time));
+                format!(
+                    "the host steps from {point}, but the instance is still at {time}: the time between is missing. Step \
+                     from {time}."
+                )
+            }
             CallError::PastStopTime { point, end, stop } => {
-                format!("a step from {point} s to {end} s passes the stop time {stop} s that {times} gave")
+                let [point, end, stop] = [*point, *end, *stop].map(Seconds);
+                format!("a step from {point} to {end} passes the stop time {stop} that {times} gave")
             }
             CallError::StepDiscarded { time, message } => {
-                format!("the step from {time} s was discarded: {message}")
+                format!("the step from {} was discarded: {message}", Seconds(*time))
             }
-            CallError::StepFailed { time, message } => format!("the step from {time} s failed: {message}"),
+            CallError::StepFailed { time, message } => {
+                format!("the step from {} failed: {message}", Seconds(*time))
+            }
             CallError::Initialization { message } => format!("the model cannot be initialised: {message}"),
             CallError::Panic { function, message } => format!(
                 "internal error in {function}: {message}. Please report it. Call fmi{v}Reset to start again."

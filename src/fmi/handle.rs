@@ -204,14 +204,22 @@ pub unsafe fn instantiate<M: Model>(request: Request<'_>) -> Component {
     if logging_on {
         logger.enable(vec!["logAll"]);
     }
-    let resources = match resource::folder(&resources.to_string_lossy(), Path::exists) {
-        Ok(folder) => folder,
-        Err(error) => {
-            let message = format!("{function}: {error}. Files in resources/ will not be found.");
-            logger.tell(Status::Warning, status_category(Status::Warning), &message);
-            None
-        }
+    // Without the folder nobody knows whether anything was packed.
+    let resources = resource::folder(&resources.to_string_lossy(), Path::exists);
+    let fault = match &resources {
+        Ok(Some(folder)) if folder.is_dir() => None,
+        Ok(Some(folder)) => Some(format!("the resources folder {} is not there", folder.display())),
+        Ok(None) => Some("the host gives no resource location".to_owned()),
+        Err(error) => Some(error.to_string()),
     };
+    if let Some(fault) = fault {
+        let message = format!(
+            "{function}: {fault}. Files and start values that were packed into the FMU are not known; the start values \
+             are those of the FMU as it is shipped."
+        );
+        logger.tell(Status::Warning, status_category(Status::Warning), &message);
+    }
+    let resources = resources.unwrap_or_default();
     let context = Context { resources, instance_name: name.to_string_lossy().into_owned() };
     let made = catch_unwind(AssertUnwindSafe(|| {
         let mut instance = Instance::<M>::new(version, own, logger.clone(), context)?;

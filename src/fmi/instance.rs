@@ -6,12 +6,13 @@
 //! - *Values.* A set call is checked as a whole before anything is written. A real that is not finite, a parameter
 //!   outside its range, an enumeration value that is none: discarded, the value before stands. An *input*
 //!   outside its range (a range says what is certainly wrong, not what a vehicle can do) is taken, with one
-//!   message until it is back inside.
+//!   message until it is back inside. So is one that is not finite, where the model knows what to do without a number.
 //! - *Warnings.* A call that did its work returns OK, and the log says what to look at: many hosts end a run at a
 //!   warning. A model may have a parameter with which such a call returns a warning
 //!   ([`Model::reports_warnings`]).
 //! - *Choices.* Some hosts write every start value before they initialise. A value equal to the declared start is no
-//!   choice of the user, so that what a parameter file says stands.
+//!   choice of the user, so that what a parameter file says stands, and the log
+//!   tells it. A start value with which the FMU was packed is one.
 //! - *Initialisation.* The model is initialised when initialisation mode is left, or before, when the host asks for
 //!   a value that the model calculates; it is initialised again if the host sets something after that.
 //! - *Communication points.* The host's point counts, so that its rounding does not add up; it may differ from the
@@ -26,6 +27,7 @@ use super::call_error::CallError;
 use super::instance_state::{Function, InstanceState};
 use super::logger::{Logger, Messages, STANDARD_CATEGORIES, status_category};
 use super::model::{Array, Context, Declaration, Model, ModelError};
+use super::seconds::Seconds;
 use super::snapshot::Snapshot;
 use super::start::StartError;
 use super::types::Status;
@@ -65,6 +67,8 @@ pub struct Instance<M: Model> {
     stale: Stale,
     /// Per variable: an input outside its range, of which the host was warned.
     outside: Vec<bool>,
+    /// Per variable: the host wrote its start value, which is no choice.
+    wrote_start: Vec<bool>,
     /// Strings that the host got last; they live until it asks for strings again.
     strings: Vec<CString>,
     /// The host's FMU states by address. A handle is looked up here and never followed, so that a foreign one does
@@ -121,6 +125,7 @@ impl<M: Model> Instance<M> {
             array_of,
             stale: ALL_STALE,
             outside: vec![false; declaration.variables.len()],
+            wrote_start: vec![false; declaration.variables.len()],
             strings: Vec::new(),
             snapshots: BTreeMap::new(),
             declaration,
@@ -210,7 +215,7 @@ impl<M: Model> Instance<M> {
         let status = if self.stale == NOTHING_STALE { Ok(Status::Ok) } else { self.initialize() };
         self.life = if status.is_ok() { InstanceState::StepComplete } else { InstanceState::Error };
         if status.is_ok() {
-            self.logger.event(format_args!("initialised at {} s", self.start_time));
+            self.logger.event(format_args!("initialised at {}", Seconds(self.start_time)));
         }
         status
     }
@@ -218,7 +223,7 @@ impl<M: Model> Instance<M> {
     /// Ends the simulation.
     pub fn terminate(&mut self) -> CallResult {
         self.life = InstanceState::Terminated;
-        self.logger.event(format_args!("terminated at {} s", self.time));
+        self.logger.event(format_args!("terminated at {}", Seconds(self.time)));
         Ok(Status::Ok)
     }
 
@@ -230,6 +235,7 @@ impl<M: Model> Instance<M> {
         (self.start_time, self.stop_time) = (0.0, None);
         self.set_time(0.0);
         self.outside.fill(false);
+        self.wrote_start.fill(false);
         self.logger.event(format_args!("reset"));
         Ok(Status::Ok)
     }
@@ -246,7 +252,31 @@ impl<M: Model> Instance<M> {
             .map_err(|error| CallError::Initialization { message: error.to_string() })?;
         let status = if messages.warned { Status::Warning } else { Status::Ok };
         self.stale = NOTHING_STALE;
+        self.tell_overruled();
         Ok(status)
+    }
+
+    /// Tells which start values that the host wrote gave way to a file's.
+    fn tell_overruled(&self) {
+        const NAMED: usize = 5;
+        let variables = self.declaration.variables.iter().enumerate();
+        let mut named = variables.filter_map(|(vr, variable)| {
+            let (start, value) = (variable.kind.start(), self.values.get(vr)?);
+            let overruled =
+                self.wrote_start[vr] && variable.causality == Causality::Parameter && *value != start;
+            overruled.then(|| format!("{} = {value} (start {start})", variable.name))
+        });
+        let mut shown = named.by_ref().take(NAMED).collect::<Vec<_>>().join(", ");
+        let more = named.count();
+        if more > 0 {
+            shown += &format!(" and {more} more");
+        }
+        if !shown.is_empty() {
+            self.logger.event(format_args!(
+                "values of a file count where the host wrote the start value, which is no choice: {shown}. To insist on a \
+                 start value, set a number near it, or pack it (fmu-build --start)."
+            ));
+        }
     }
 
     /// Makes a step, or its first part where the host lets it end early.
@@ -437,6 +467,11 @@ impl<M: Model> Instance<M> {
         let mut status = Status::Ok;
         for (reference, value) in references.iter().zip(values) {
             let (vr, variable) = self.settable(*reference, self.version.real)?;
+            if !value.is_finite() && variable.may_be_missing {
+                self.missing(vr, *value);
+                status = Status::Warning;
+                continue;
+            }
             if !value.is_finite() {
                 let (name, kept) = (variable.name.to_string(), self.values.real(vr));
                 return Err(CallError::NotFinite { name, value: *value, kept });
@@ -564,11 +599,7 @@ impl<M: Model> Instance<M> {
     ) -> Result<(), CallError> {
         let variable = &self.declaration.variables[vr];
         if variable.causality != Causality::Input {
-            let kept = match self.values.get(vr) {
-                Some(Value::Real(kept)) => kept.to_string(),
-                Some(Value::Integer(kept)) => kept.to_string(),
-                _ => String::new(),
-            };
+            let kept = self.values.get(vr).map(ToString::to_string).unwrap_or_default();
             let name = variable.name.to_string();
             return Err(CallError::OutOfRange {
                 name,
@@ -588,6 +619,17 @@ impl<M: Model> Instance<M> {
         Ok(())
     }
 
+    /// An input without a number, of which the model makes what it can: warns once.
+    fn missing(&mut self, vr: Vr, value: f64) {
+        if !std::mem::replace(&mut self.outside[vr], true) {
+            let message = format!(
+                "input `{}` = {value} is no number: it counts as missing. There is no further message until it is one.",
+                self.declaration.variables[vr].name
+            );
+            self.logger.tell(Status::Warning, status_category(Status::Warning), &message);
+        }
+    }
+
     fn write(&mut self, reference: u32, value: Value) {
         let vr = reference as Vr;
         let variable = &self.declaration.variables[vr];
@@ -595,6 +637,7 @@ impl<M: Model> Instance<M> {
             Causality::Input => self.stale.inputs = true,
             _ => self.stale.parameters = true,
         }
+        self.wrote_start[vr] = value == variable.kind.start();
         self.values.set_by_host(vr, variable, value);
     }
 
@@ -731,6 +774,7 @@ impl<M: Model> Instance<M> {
         let time = snapshot.time;
         self.set_time(time);
         self.outside.fill(false);
+        self.wrote_start.fill(false);
         Ok(Status::Ok)
     }
 }

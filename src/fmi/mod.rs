@@ -17,6 +17,7 @@
 //! | `snapshot.rs` | FMU states, and their form as bytes |
 //! | `logger.rs` | messages to the host |
 //! | `resource.rs` | the `resources/` folder from what hosts pass |
+//! | `seconds.rs` | a time in a message |
 //! | `start.rs` | start values that an FMU was packed with |
 //! | `types.rs` | the C types that all versions share |
 //! | `version.rs` | the words in which versions differ |
@@ -31,6 +32,7 @@ pub mod instance_state;
 pub mod logger;
 mod model;
 pub mod resource;
+mod seconds;
 mod snapshot;
 mod start;
 pub mod types;
@@ -47,7 +49,8 @@ pub use model::{
     Array, Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Severity,
     VersionedVariable,
 };
-pub use start::{START_FILE, StartError, read_start_file, start_file};
+pub use seconds::Seconds;
+pub use start::{START_FILE, StartError, StartValues};
 pub use types::Status;
 pub use value::{BinaryValue, Value};
 pub use values::Values;

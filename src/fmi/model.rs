@@ -209,7 +209,7 @@ pub trait Model: Send + Sized + 'static {
     ) -> Result<(), ModelError>;
 
     /// Advances from `time` to `time + step`, both in seconds, `step` positive and finite. Inputs in `values` are
-    /// finite and hold over the step; outputs are written to `values`. An error leaves the model as it was.
+    /// finite, but for those that may be missing, and hold over the step; outputs are written to `values`. An error leaves the model as it was.
     ///
     /// # Errors
     /// The reason for which the step could not be made.

@@ -65,7 +65,7 @@ impl Snapshot {
         if checksum(payload) != sum {
             return Err(CallError::DamagedState { what: "its checksum is wrong" });
         }
-        let snapshot: Self = postcard::from_bytes(payload)
+        let mut snapshot: Self = postcard::from_bytes(payload)
             .map_err(|_| CallError::DamagedState { what: "its content cannot be read" })?;
         let times = [snapshot.start_time, snapshot.time, snapshot.stop_time.unwrap_or(0.0)];
         if !snapshot.values.fit(variables)
@@ -74,6 +74,7 @@ impl Snapshot {
         {
             return Err(CallError::DamagedState { what: "its values do not fit this FMU's variables" });
         }
+        snapshot.values.mark_packed(variables);
         Ok(snapshot)
     }
 }

@@ -3,7 +3,14 @@
 //! ```text
 //! variant = "rfl_s"
 //! "vehicle.mass" = "1500"
+//! vehicle_file = "car/my_car.toml"
+//!
+//! [from_files]
+//! "vehicle.yaw_inertia" = "2100"
 //! ```
+//!
+//! The first are choices of the user, and count whatever they are. Those of the table are what the packed files give: they
+//! are declared, so that a host that writes all start values has chosen nothing, and give way to those of another file.
 //!
 //! The `modelDescription.xml` beside it shows the same values, so that what a host sees, gets before an
 //! initialisation, and drives with is one. The library, and with it the GUID, stays what it was: an FMU can be given a
@@ -13,6 +20,7 @@ use super::model::Declaration;
 use super::value::Value;
 use super::variable::{Causality, Variable, VariableKind};
 use crate::input;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -79,18 +87,32 @@ impl Variable {
 }
 
 impl Declaration {
-    /// Gives a parameter another start value, written as text (an enumeration's by name).
+    /// Gives a parameter another start value of the user's choice, written as text (an enumeration's by name).
     ///
     /// # Errors
     /// No such parameter; a text that is no value of it.
     pub fn start_with(&mut self, name: &str, text: &str) -> Result<(), StartError> {
+        self.start(name, text)?.chosen = true;
+        Ok(())
+    }
+
+    /// Takes over start values.
+    ///
+    /// # Errors
+    /// As [`start_with`](Self::start_with).
+    pub fn start_from(&mut self, values: &StartValues) -> Result<(), StartError> {
+        values.from_files.iter().try_for_each(|(name, text)| self.start(name, text).map(|_| ()))?;
+        values.chosen.iter().try_for_each(|(name, text)| self.start_with(name, text))
+    }
+
+    fn start(&mut self, name: &str, text: &str) -> Result<&mut Variable, StartError> {
         let parameter =
             |variable: &&mut Variable| variable.causality == Causality::Parameter && variable.name == name;
         let variable = self.variables.iter_mut().find(parameter);
         let variable = variable.ok_or_else(|| StartError::Unknown { name: name.to_owned() })?;
         let wrong = |wanted| StartError::Value { name: name.to_owned(), value: text.to_owned(), wanted };
         variable.start_with(variable.value_of(text).map_err(wrong)?);
-        Ok(())
+        Ok(variable)
     }
 
     /// Takes over the start values of a `resources/` folder, if it has any.
@@ -107,25 +129,42 @@ impl Declaration {
             message: format!("{message}; unpack the FMU anew, or make it again with fmu-build"),
         };
         let text = input::read_text(&file).map_err(|error| failed(error.to_string()))?;
-        let values = read_start_file(&text).map_err(|error| failed(error.to_string()))?;
-        values.iter().try_for_each(|(name, value)| {
-            self.start_with(name, value).map_err(|error| failed(error.to_string()))
-        })
+        let values = StartValues::read(&text).map_err(|error| failed(error.to_string()))?;
+        self.start_from(&values).map_err(|error| failed(error.to_string()))
     }
 }
 
-/// The content of a [`START_FILE`].
-#[must_use]
-pub fn start_file(values: &BTreeMap<String, String>) -> String {
-    toml::to_string(values).unwrap_or_default()
+/// The content of a [`START_FILE`]: texts by parameter.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StartValues {
+    /// Choices of the user.
+    #[serde(flatten)]
+    pub chosen: BTreeMap<String, String>,
+    /// Values that the packed files give.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub from_files: BTreeMap<String, String>,
 }
 
-/// The values in a [`START_FILE`]'s content, by parameter.
-///
-/// # Errors
-/// A text that is no TOML of texts.
-pub fn read_start_file(text: &str) -> Result<BTreeMap<String, String>, toml::de::Error> {
-    toml::from_str(text)
+impl StartValues {
+    /// True if there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.chosen.is_empty() && self.from_files.is_empty()
+    }
+
+    /// The file's text.
+    #[must_use]
+    pub fn to_text(&self) -> String {
+        toml::to_string(self).unwrap_or_default()
+    }
+
+    /// Reads the file's text.
+    ///
+    /// # Errors
+    /// A text that is no TOML of texts.
+    pub fn read(text: &str) -> Result<Self, toml::de::Error> {
+        toml::from_str(text)
+    }
 }
 
 #[cfg(test)]
@@ -146,12 +185,20 @@ mod tests {
         let values =
             [("variant", "rfl_s"), ("mpc.horizon", "20"), ("path_file", "a \"b\".csv"), ("mpc.q_e1", "2.5")];
         let values = values.map(|(name, value)| (name.to_owned(), value.to_owned()));
-        let declaration = declared_in(&start_file(&values.into())).unwrap();
+        let from_files = [("vehicle.mass".to_owned(), "1800".to_owned())].into();
+        let file = StartValues { chosen: values.into(), from_files };
+        let declaration = declared_in(&file.to_text()).unwrap();
+        assert_eq!(StartValues::read(&file.to_text()).unwrap(), file);
         let kind = |name: &str| declaration.variables[declaration.find(name).unwrap()].kind.clone();
         assert!(matches!(kind("variant"), VariableKind::Enumeration { start: 6, .. }));
         assert!(matches!(kind("mpc.horizon"), VariableKind::Integer { start: 20, .. }));
         assert!(matches!(kind("path_file"), VariableKind::String { start } if start == "a \"b\".csv"));
         assert!(matches!(kind("mpc.q_e1"), VariableKind::Real { start, .. } if start == 2.5));
+        assert!(matches!(kind("vehicle.mass"), VariableKind::Real { start, .. } if start == 1800.0));
+        let chosen = |name: &str| declaration.variables[declaration.find(name).unwrap()].chosen;
+        assert!(
+            chosen("mpc.q_e1") && chosen("path_file") && !chosen("vehicle.mass") && !chosen("mpc.r_rate")
+        );
         assert_eq!(declared_in("").unwrap(), RflMpc::declaration());
     }
 
@@ -163,6 +210,8 @@ mod tests {
             ("e1 = \"0\"", "no parameter `e1`"),
             ("nothing = \"0\"", "no parameter `nothing`"),
             ("\"mpc.q_e1\" = \"nan\"", "a number in"),
+            ("\"mpc.q_e1\" = 2", "start.toml"),
+            ("[from_files]\nnothing = \"0\"", "no parameter `nothing`"),
         ] {
             let error = declared_in(text).unwrap_err().to_string();
             assert!(error.contains(words) && error.contains("fmu-build"), "{error}");

@@ -1,6 +1,7 @@
 //! A value of any FMI type.
 
 use serde::{Deserialize, Serialize};
+use std::fmt;
 use std::ops::Deref;
 use std::sync::Arc;
 
@@ -13,6 +14,19 @@ pub enum Value {
     Boolean(bool),
     String(String),
     Binary(BinaryValue),
+}
+
+/// In words for people.
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Value::Real(value) => value.fmt(f),
+            Value::Integer(value) => value.fmt(f),
+            Value::Boolean(value) => value.fmt(f),
+            Value::String(value) => value.fmt(f),
+            Value::Binary(bytes) => write!(f, "{} bytes", bytes.len()),
+        }
+    }
 }
 
 /// Bytes, shared by their copies: they may be many, and states are stored often.

@@ -14,6 +14,9 @@ use serde::{Deserialize, Serialize};
 pub struct Values {
     values: Vec<Value>,
     set_by_host: Vec<bool>,
+    /// Start values that are choices; the FMU's, and no part of a stored state.
+    #[serde(skip)]
+    packed: Vec<bool>,
 }
 
 impl Values {
@@ -21,7 +24,14 @@ impl Values {
     #[must_use]
     pub fn starting_from(variables: &[Variable]) -> Self {
         let values = variables.iter().map(|variable| variable.kind.start()).collect();
-        Self { values, set_by_host: vec![false; variables.len()] }
+        let mut started = Self { values, set_by_host: vec![false; variables.len()], packed: Vec::new() };
+        started.mark_packed(variables);
+        started
+    }
+
+    /// Marks the start values with which the FMU was packed.
+    pub(super) fn mark_packed(&mut self, variables: &[Variable]) {
+        self.packed = variables.iter().map(|variable| variable.chosen).collect();
     }
 
     /// The value behind a reference, if there is one.
@@ -41,6 +51,12 @@ impl Values {
     #[must_use]
     pub fn is_set_by_host(&self, vr: Vr) -> bool {
         self.set_by_host[vr]
+    }
+
+    /// True if the value is a choice: the host's, or of who packed the FMU. It counts more than a file's.
+    #[must_use]
+    pub fn is_chosen(&self, vr: Vr) -> bool {
+        self.set_by_host[vr] || self.packed.get(vr).is_some_and(|packed| *packed)
     }
 
     /// A real's value.
@@ -124,12 +140,12 @@ impl Values {
         }
     }
 
-    /// True if values read from a file can be those of these variables: number, types, finite reals for those that the
-    /// host may set, known enumeration values.
+    /// True if values read from a file can be those of these variables: number, types, finite reals where a host
+    /// must set such, known enumeration values.
     pub(super) fn fit(&self, variables: &[Variable]) -> bool {
         let fits = |(variable, value): (&Variable, &Value)| match (&variable.kind, value) {
             (VariableKind::Real { .. }, Value::Real(value)) => {
-                variable.initial == Initial::Calculated || value.is_finite()
+                variable.initial == Initial::Calculated || variable.may_be_missing || value.is_finite()
             }
             (VariableKind::Enumeration { items, .. }, Value::Integer(value)) => {
                 items.iter().any(|item| item.0 == *value)

@@ -105,6 +105,10 @@ pub struct Variable {
     /// For outputs: the inputs on which the value at a communication point depends directly (without a step in
     /// between). Empty for models without feedthrough.
     pub depends_on: Vec<Vr>,
+    /// True if the start value is a choice of the user, with which the FMU was packed. It counts whatever it is.
+    pub chosen: bool,
+    /// For real inputs: true if the model knows what to do without a number, so that a host may set one that is not finite.
+    pub may_be_missing: bool,
 }
 
 impl Variable {
@@ -123,7 +127,7 @@ impl Variable {
         };
         let kind =
             VariableKind::Real { unit, quantity: None, start: 0.0, min: None, max: None, nominal: None };
-        Self { name, description, causality, variability, initial, kind, depends_on: Vec::new() }
+        Self { variability, initial, ..Self::of(causality, kind, name, description) }
     }
 
     fn of_signal(causality: Causality, signal: &Signal) -> Self {
@@ -140,6 +144,12 @@ impl Variable {
     #[must_use]
     pub fn input(signal: &Signal) -> Self {
         Self::of_signal(Causality::Input, signal)
+    }
+
+    /// The same for a model that knows what to do without a number.
+    #[must_use]
+    pub fn input_or_missing(signal: &Signal) -> Self {
+        Self { may_be_missing: true, ..Self::input(signal) }
     }
 
     /// An output that is a signal of the vocabulary.
@@ -182,14 +192,25 @@ impl Variable {
         name: impl Into<Cow<'static, str>>,
         description: impl Into<Cow<'static, str>>,
     ) -> Self {
+        Self::of(Causality::Parameter, kind, name.into(), description.into())
+    }
+
+    fn of(
+        causality: Causality,
+        kind: VariableKind,
+        name: Cow<'static, str>,
+        description: Cow<'static, str>,
+    ) -> Self {
         Self {
-            name: name.into(),
-            description: description.into(),
-            causality: Causality::Parameter,
+            name,
+            description,
+            causality,
             variability: Variability::Fixed,
             initial: Initial::Exact,
             kind,
             depends_on: Vec::new(),
+            chosen: false,
+            may_be_missing: false,
         }
     }
 

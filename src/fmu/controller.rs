@@ -13,14 +13,14 @@ use crate::control::{
 };
 use crate::finite::check_finite;
 use crate::fmi::{
-    Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Severity, Values, Variable,
-    VariableKind, Vr,
+    Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Seconds, Severity, Values,
+    Variable, VariableKind, Vr,
 };
 use crate::input;
 use crate::parameter::{Choices, Parameter, ParameterGroup};
 use crate::path::Path;
 use crate::signal::{self, Signal, Unit};
-use crate::vehicle;
+use crate::vehicle::VehicleParameters;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -99,10 +99,15 @@ pub trait ControllerUnit<const S: usize>: ControlledParameters<S> + Send + 'stat
     const SHOWN: usize;
 
     /// Contents of a vehicle's file.
-    type File: vehicle::VehicleParameters;
+    type File: VehicleParameters;
 
-    /// Start values of the parameters.
-    fn defaults() -> ControllerParametersFor<Self>;
+    /// Start values of the parameters: those for the vehicle that `vehicle_file` starts with.
+    fn defaults() -> ControllerParametersFor<Self> {
+        let names = <Self::File as VehicleParameters>::BUILTIN;
+        let vehicle = <Self::File as VehicleParameters>::builtin(names[0]);
+        Self::of_file(&vehicle.expect("the built-in vehicles are read in a test"))
+    }
+
     /// The parameters for a vehicle.
     fn of_file(file: &Self::File) -> ControllerParametersFor<Self>;
     /// The groups that a user sets, in the order of the FMU's variables.
@@ -170,17 +175,12 @@ fn add_groups(declaration: &mut Declaration, groups: &[&mut dyn ParameterValues]
 
 /// Takes over the values that the host has set, or that the FMU was packed with; the others stay as the vehicle file
 /// has them.
-fn read_groups(
-    groups: &mut [&mut dyn ParameterValues],
-    defaults: &[&mut dyn ParameterValues],
-    first: Vr,
-    values: &Values,
-) {
+fn read_groups(groups: &mut [&mut dyn ParameterValues], first: Vr, values: &Values) {
     let mut vr = first;
-    for (group, default) in groups.iter_mut().zip(defaults) {
+    for group in groups {
         for (index, parameter) in group.table().iter().enumerate() {
-            let value = if parameter.integer { f64::from(values.integer(vr)) } else { values.real(vr) };
-            if values.is_set_by_host(vr) || value != default.get(index) {
+            if values.is_chosen(vr) {
+                let value = if parameter.integer { f64::from(values.integer(vr)) } else { values.real(vr) };
                 group.set(index, value);
             }
             vr += 1;
@@ -216,12 +216,14 @@ fn chosen(
         "" => None,
         file => Some(context.locate(file)),
     };
-    // A host that names a file and no variant means the file, not the variant that is packed as default.
-    let by_file = (file.is_some() || has_data) && !values.is_set_by_host(v.variant);
+    // A host that names a file and no variant means the file, not the variant that is packed.
+    let named_by_host = has_data || values.is_set_by_host(v.residual_file);
+    let variant_counts =
+        if named_by_host { values.is_set_by_host(v.variant) } else { values.is_chosen(v.variant) };
+    let by_file = (file.is_some() || has_data) && !variant_counts;
     // The FMI layer admits no other numbers than the declared ones.
-    let variant = ControlVariant::from_number(values.integer(v.variant)).unwrap_or_default();
-    let is_default = !values.is_set_by_host(v.variant) && variant == ControlVariant::Adaptive;
-    let variant = of_file.filter(|_| is_default).unwrap_or(variant);
+    let chosen = values.is_chosen(v.variant).then(|| ControlVariant::from_number(values.integer(v.variant)));
+    let variant = chosen.flatten().or(of_file).unwrap_or(ControlVariant::Adaptive);
     Choice {
         variant: if by_file { ControlVariant::Adaptive } else { variant },
         file,
@@ -245,7 +247,8 @@ fn declare<U: ControllerUnit<S>, const S: usize>() -> (Declaration, Variables) {
     let d = &mut declaration;
     let inputs = d.variables.len();
     for (signal, _) in U::INPUTS {
-        d.add(Variable::input(signal));
+        // The guard bridges it.
+        d.add(Variable::input_or_missing(signal));
     }
     let mut output = |signal: &Signal| d.add(Variable::output(signal));
     let (steer_cmd, accel_cmd) = (output(&signal::STEER_CMD), output(&signal::ACCEL_CMD));
@@ -465,7 +468,7 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
     ) -> Result<(), ModelError> {
         let v = &self.variables;
         let file: U::File = vehicle_named(values.string(v.vehicle_file), context)?;
-        let (mut parameters, mut defaults) = (U::of_file(&file), U::defaults());
+        let mut parameters = U::of_file(&file);
         let mut variant_of_file = None;
         let name = values.string(v.controller_file);
         if !name.is_empty() {
@@ -475,7 +478,7 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
             variant_of_file = content.variant;
         }
         let mut groups = U::groups(&mut parameters);
-        read_groups(&mut groups, &U::groups(&mut defaults), v.parameters, values);
+        read_groups(&mut groups, v.parameters, values);
         write_groups(&groups, v.parameters, values);
 
         let file = context.locate(values.string(v.path_file));
@@ -555,7 +558,7 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
             log.log(
                 severity,
                 "control",
-                &format!("t = {time} s: status {}: {}", status.name(), status.meaning()),
+                &format!("t = {}: status {}: {}", Seconds(time), status.name(), status.meaning()),
             );
         }
         write_outputs(v, values, controller);

@@ -1,13 +1,13 @@
 //! A nonlinear vehicle as an FMU: what cars and trucks have in common.
 //!
-//! Parameters come from a vehicle file or a built-in vehicle (`vehicle_file`). A value that the host sets itself takes
-//! precedence, and afterwards all values are those in effect. Every effect is a parameter `effect.<id>`, and may stand
+//! Parameters come from a vehicle file or a built-in vehicle (`vehicle_file`). A value that the host chooses, or who packed
+//! the FMU, takes precedence, and afterwards all values are those in effect. Every effect is a parameter `effect.<id>`, and may stand
 //! in the file.
 
 use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::fmi::{
-    Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Severity, Values, Variable,
-    VariableKind, Vr,
+    Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Seconds, Severity, Values,
+    Variable, VariableKind, Vr,
 };
 use crate::path::Path;
 use crate::signal::{self, Signal, Unit};
@@ -237,11 +237,9 @@ impl<P: PlantUnit> PlantFmu<P> {
         let at = &self.references;
         let mut parameters: P::Parameters = vehicle_named(values.string(at.vehicle_file), context)?;
         log.log(Severity::Info, LOG, &format!("the {} is '{}'", P::WHAT, parameters.name()));
-        let default = default_of::<P>();
         for (index, parameter) in P::Parameters::TABLE.iter().enumerate() {
-            let (vr, default) = (at.parameters + index, parameter.get(&default));
-            // Another start value than the declaration's: the FMU was packed with it.
-            if values.is_set_by_host(vr) || values.real(vr) != default {
+            let vr = at.parameters + index;
+            if values.is_chosen(vr) {
                 parameter.set(&mut parameters, values.real(vr));
             }
         }
@@ -253,7 +251,7 @@ impl<P: PlantUnit> PlantFmu<P> {
         for (index, effect) in P::all_effects().enumerate() {
             let vr = self.references.effects + index;
             if let Some(value) = P::effect(&mut effects, effect.id) {
-                if values.is_set_by_host(vr) || values.real(vr) != effect.neutral {
+                if values.is_chosen(vr) {
                     *value = values.real(vr);
                 }
                 values.set_real(vr, *value);
@@ -314,7 +312,7 @@ impl<P: PlantUnit> PlantFmu<P> {
         }
         self.status = status;
         if let Some((_, name, meaning)) = P::STATUS.1.iter().find(|item| item.0 == status) {
-            log.log(Severity::Info, LOG, &format!("{time} s: {name}: {meaning}"));
+            log.log(Severity::Info, LOG, &format!("{}: {name}: {meaning}", Seconds(time)));
         }
     }
 }

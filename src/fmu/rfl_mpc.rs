@@ -19,10 +19,6 @@ impl ControllerUnit<ERRORS> for NominalVehicle {
 
     type File = CarParameters;
 
-    fn defaults() -> ControllerParameters {
-        ControllerParameters::default()
-    }
-
     fn of_file(car: &CarParameters) -> ControllerParameters {
         ControllerParameters::for_car(car)
     }

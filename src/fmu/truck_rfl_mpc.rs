@@ -3,7 +3,7 @@
 use super::controller::{ControllerFmu, ControllerInput, ControllerUnit, ParameterValues, TOLD_OF_A_BODY};
 use crate::control::{NominalTruck, TRUCK_STATES, TruckControllerParameters};
 use crate::signal;
-use crate::vehicle::{TruckParameters, VehicleParameters};
+use crate::vehicle::TruckParameters;
 
 /// The FMU's model.
 pub type TruckRflMpc = ControllerFmu<NominalTruck, TRUCK_STATES>;
@@ -34,11 +34,6 @@ impl ControllerUnit<TRUCK_STATES> for NominalTruck {
     const SHOWN: usize = 60;
 
     type File = TruckParameters;
-
-    fn defaults() -> TruckControllerParameters {
-        let truck = TruckParameters::builtin(TruckParameters::BUILTIN[0]);
-        Self::of_file(&truck.expect("the built-in vehicles are read in a test"))
-    }
 
     fn of_file(truck: &TruckParameters) -> TruckControllerParameters {
         TruckControllerParameters::for_truck(truck)

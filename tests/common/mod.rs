@@ -19,6 +19,11 @@ pub fn guid() -> CString {
     CString::new(rfl_mpc::fmi::v2::guid_of(include_str!("SteeringLag.xml")).unwrap()).unwrap()
 }
 
+/// A resource location with nothing of an FMU.
+pub fn nothing_packed() -> CString {
+    CString::new(format!("file://{}/tests/common", env!("CARGO_MANIFEST_DIR"))).unwrap()
+}
+
 /// A message that came through the logger.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Message {
@@ -90,9 +95,9 @@ impl Drop for Host {
 }
 
 impl Host {
-    /// An instance without resources.
+    /// An instance with nothing in its resources.
     pub fn new() -> Self {
-        Self::with(c"toy", None)
+        Self::with(c"toy", Some(&nothing_packed()))
     }
 
     /// An instance with a name and a resource location.
