@@ -46,7 +46,7 @@ pub enum AddError {
     #[error(transparent)]
     Vehicle(#[from] VehicleError),
     #[error("{parameter}: {source}")]
-    Road { parameter: String, source: PathError },
+    Road { parameter: String, source: Box<PathError> },
     #[error(transparent)]
     Setting(#[from] SettingError),
     #[error(transparent)]
@@ -127,7 +127,7 @@ fn files_named(fmu: &Fmu, parameter: &str, text: &str) -> Result<Named, AddError
     match parameter {
         VEHICLE_FILE => vehicle_of_kind(fmu.vehicle, text),
         "path_file" | "road_file" => {
-            let road = |source| AddError::Road { parameter: parameter.to_owned(), source };
+            let road = |source| AddError::Road { parameter: parameter.to_owned(), source: Box::new(source) };
             path::Path::read(file).map_err(road)?;
             Ok(named_below("roads", file))
         }
