@@ -39,9 +39,13 @@ def says(instance: Instance, *words: str) -> None:
 
 # --- values
 
+NO_NUMBERS = [math.nan, math.inf, -math.inf]
+CONTROLLERS = [unit for unit in UNITS if unit.endswith("RflMpc")]
+VEHICLES = [unit for unit in UNITS if unit not in CONTROLLERS]
 
-@pytest.mark.parametrize("running", UNITS, indirect=True)
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+
+@pytest.mark.parametrize("running", VEHICLES, indirect=True)
+@pytest.mark.parametrize("value", NO_NUMBERS)
 def test_input_that_is_no_number(running, value):
     name = running.library.inputs[0]
     assert running.set_reals({name: 0.01}) == OK
@@ -52,7 +56,23 @@ def test_input_that_is_no_number(running, value):
     assert all(map(math.isfinite, running.get_reals(running.library.outputs)))
 
 
-@pytest.mark.parametrize("running", UNITS, indirect=True)
+@pytest.mark.parametrize("running", CONTROLLERS, indirect=True)
+@pytest.mark.parametrize("value", NO_NUMBERS)
+def test_measurement_that_is_no_number_is_the_guards(running, value):
+    """A sensor drops out: the call's other values count, and the controller drives on."""
+    start = dict(zip(["x", "y", "yaw"], running.get_reals(["start.x", "start.y", "start.yaw"]), strict=True))
+    status = {int(item.value): item.name for item in running.library.variables["status"].declaredType.items}
+    for k in range(5):
+        along = {"x": start["x"] + 0.1 * k * math.cos(start["yaw"]), "y": start["y"] + 0.1 * k * math.sin(start["yaw"])}
+        assert running.set_reals(start | along | {"vx": 5.0, "vy": value if k > 2 else 0.0}) == OK
+        assert running.get_reals(["x"]) == [along["x"]]
+        assert running.step(0.02 * k) <= WARNING
+        assert status[running.get_integer("status")] == ("bridged" if k > 2 else "optimal")
+        assert all(map(math.isfinite, running.get_reals(running.library.outputs)))
+    says(running, "`vy`", "is no number", "missing")
+
+
+@pytest.mark.parametrize("running", VEHICLES, indirect=True)
 def test_one_bad_value_among_good_ones_changes_none(running):
     names = running.library.inputs[:2]
     before = running.get_reals(names)
