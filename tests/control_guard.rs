@@ -476,6 +476,31 @@ fn sensors_slower_than_the_controller_are_bridged_and_when_they_die_the_vehicle_
 type Wrong = fn(&mut Measurement);
 
 #[test]
+fn an_input_that_nobody_connects_ends_in_a_stop_on_the_road() {
+    let unconnected: [(&str, Wrong); 2] =
+        [("yaw rate", |told| told.yaw_rate = 0.0), ("speed", |told| told.vx = 0.0)];
+    // From rest: there is nothing that an earlier measurement could contradict.
+    for (name, fault) in unconnected {
+        let (_, controller, vehicle) = begun(20.0, 20.0, 0.0);
+        let mut closed = ClosedLoop::new(controller, vehicle, 0.02).with_fault(move |_, told| fault(told));
+        let (mut error, mut moved, mut stood) = (0.0_f64, 0, 0);
+        for _ in 0..3000 {
+            closed.advance().unwrap();
+            error = error.max(closed.lateral_error().abs());
+            let moves = closed.vehicle().output().vx > 0.05;
+            moved += u32::from(moves);
+            stood = if moves { 0 } else { stood + 1 };
+        }
+        let what = format!("{name}: {error:.3} m, moved for {moved} steps, stood for {stood}");
+        assert_eq!(closed.controller().report().status, ControlStatus::SafeStop, "{what}");
+        let bridged: Vec<&str> = closed.controller().bridged_signals().map(|signal| signal.name).collect();
+        assert_eq!(bridged, [if name == "speed" { "vx" } else { "yaw_rate" }], "{what}");
+        // It does not set off again.
+        assert!(error < 0.5 && moved > 10 && stood > 1000, "{what}");
+    }
+}
+
+#[test]
 fn signals_that_contradict_one_another_from_the_start_stop_the_vehicle() {
     let wrong: [(&str, Wrong); 3] = [
         ("a speed in km/h", |told| told.vx *= 3.6),

@@ -135,6 +135,26 @@ fn steps_that_grow_and_uneven_steps_are_kept_up_with() {
 }
 
 #[test]
+fn a_host_that_is_late_once_or_trembles_changes_nothing_and_one_that_is_fast_again_is_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    let road = road(folder.path(), &RandomRoad::CAR, 7108);
+    let late = |k: u32| if k == 300 { 0.2 } else { 0.02 };
+    let trembling = |k: u32| if k.is_multiple_of(2) { 0.0201 } else { 0.0199 };
+    for step in [&late as &dyn Fn(u32) -> f64, &trembling] {
+        let mut host = Host::<RflMpc, PassengerCar>::new(&road, "c_class", &[]);
+        assert!(host.drive(step), "{:?}", host.controller.log.0);
+        assert!(host.told().is_empty() && host.worst < 0.1, "{} m, {:?}", host.worst, host.told());
+    }
+    let for_a_while = |k: u32| if (300..360).contains(&k) { 0.1 } else { 0.02 };
+    let mut host = Host::<RflMpc, PassengerCar>::new(&road, "c_class", &[]);
+    assert!(host.drive(for_a_while), "{:?}", host.controller.log.0);
+    let told = host.told();
+    assert_eq!(told.len(), 2, "{told:?}");
+    assert!(told[0].1.contains("sample time of 0.1 s") && told[1].1.contains("0.02 s, again"), "{told:?}");
+    assert!(host.worst < 0.1, "{} m", host.worst);
+}
+
+#[test]
 fn a_step_beyond_every_sample_time_is_warned_of_once() {
     let folder = tempfile::tempdir().unwrap();
     let road = road(folder.path(), &RandomRoad::CAR, 7105);

@@ -9,6 +9,7 @@ const LIMITS: SpeedLimits = SpeedLimits {
     lateral_accel: 2.0,
     accel: 1.0,
     decel: 1.5,
+    brake_decel: f64::INFINITY,
     speed: 20.0,
     curvature_rate: f64::INFINITY,
     curvature: f64::INFINITY,
@@ -191,6 +192,25 @@ fn a_kink_is_driven_as_slowly_as_the_steering_turns_and_no_slower() {
             .map(|curvature| SpeedPlan::new(&path, &SpeedLimits { curvature, ..steered }));
         let all = 0..path.length() as usize;
         assert!(all.into_iter().all(|s| with.speed(s as f64).to_bits() == without.speed(s as f64).to_bits()));
+    }
+}
+
+#[test]
+fn a_plan_brakes_with_less_than_the_brakes_give() {
+    // A slope down of 5 %, then a bend.
+    let slope = 0.05_f64;
+    let bend = |k: i32| f64::from(k) / 30.0;
+    let down = (0..=300).map(|i| Sample { grade: Some(-slope), ..Sample::at(f64::from(i), 0.0) });
+    let round = (1..=40).map(|k| Sample {
+        grade: Some(0.0),
+        ..Sample::at(300.0 + 30.0 * bend(k).sin(), 30.0 * (1.0 - bend(k).cos()))
+    });
+    let path = Path::from_samples(down.chain(round).collect(), Closure::Open).unwrap();
+    for brake_decel in [0.6, 1.0, 2.0] {
+        let plan = SpeedPlan::new(&path, &SpeedLimits { brake_decel, ..LIMITS });
+        let steepest = (0..2900).map(|i| plan.accel(0.1 * f64::from(i))).fold(0.0, f64::min);
+        let given = brake_decel - 9.81 * slope.sin();
+        assert!(-steepest < given && steepest < -0.05, "{steepest} of {given} m/s2");
     }
 }
 

@@ -34,6 +34,7 @@ use super::vehicle::{ControlledParameters, ControlledVehicle};
 use crate::nominal::{ERRORS, ErrorState, LateralVehicle as _, body_change};
 use crate::parameter::OutOfRange;
 use crate::path::{Path, SpeedLimits, SpeedPlan};
+use crate::signal::Signal;
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -219,6 +220,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             lateral_accel: speed.lateral_accel,
             accel: speed.accel,
             decel: speed.decel,
+            brake_decel: speed.brake_decel,
             speed: speed.limit,
             curvature_rate: steered(mpc.steer_rate_max / vehicle.wheelbase()),
             curvature: mpc.steer_max.tan() / vehicle.wheelbase(),
@@ -311,6 +313,11 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             return Err(error);
         }
         Ok(&self.state.last)
+    }
+
+    /// The signals for which the prediction stands in.
+    pub fn bridged_signals(&self) -> impl Iterator<Item = &'static Signal> {
+        self.state.guard.bridged()
     }
 
     /// One control step, so many seconds after the one before.

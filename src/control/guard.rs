@@ -18,6 +18,7 @@
 //! | every signal inside its gate | the measurement goes on as it is, bit by bit |
 //! | a signal outside, or no number | the filter's estimate from the others replaces it: *bridged* |
 //! | the pose, or all of it, to the bit as a step before, in motion | stale: bridged, and never a contradiction |
+//! | a rate that rests to the bit while its pose goes on (`resting.rs`) | dead: the same, until it changes |
 //! | signals contradict one another from the start on | the same, steered by what they say |
 //! | outside for `guard.bridge_time`, but a motion of its own, on the road or from standstill | the host has moved the vehicle: a new start |
 //! | bridged for longer than `guard.bridge_time` | braking along the road, steered by the estimate |
@@ -31,13 +32,16 @@
 //! Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001. It treats the
 //! validation gate, innovations as a test of the filter (5.4), and initiation of tracks.
 
+mod resting;
+
+use self::resting::Resting;
 use super::controller::{Measurement, StepError};
 use super::observer::ObserverParameters;
 use super::vehicle::FurtherState;
 use crate::nominal::{ERRORS, LateralVehicle};
 use crate::parameters;
 use crate::path::wrap_angle;
-use crate::signal::{self, GRAVITY};
+use crate::signal::{self, GRAVITY, Signal};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -54,6 +58,17 @@ parameters! {
 
 /// Signals that are judged, in the order of [`signals`].
 const SIGNALS: usize = 8;
+/// Their names.
+const NAMED: [&Signal; SIGNALS] = [
+    &signal::X,
+    &signal::Y,
+    &signal::YAW,
+    &signal::VX,
+    &signal::VY,
+    &signal::YAW_RATE,
+    &signal::ARTICULATION,
+    &signal::ARTICULATION_RATE,
+];
 /// The signals of the pose.
 const POSE: Range<usize> = 0..3;
 /// The first signal that only some vehicles have.
@@ -129,6 +144,7 @@ pub struct GuardState {
     asked: [f64; 2],
     /// The pose that stayed to the bit while the vehicle moved, as long as it stays: no new start.
     dead_pose: Option<[f64; 3]>,
+    resting: Resting,
     /// Steps since the start in which everything new agreed.
     agreed: u32,
     /// Time for which measurements have contradicted one another without a start to hold on to, s.
@@ -178,6 +194,7 @@ impl Default for GuardState {
             waited: 0.0,
             asked: [0.0; 2],
             dead_pose: None,
+            resting: Resting::default(),
             agreed: 0,
             unsettled: 0.0,
             age: Signals::zeros(),
@@ -300,12 +317,17 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             let off = difference(i, told[i], track.mean[i]);
             let units = off * off / (track.covariance[(i, i)] + self.noise[i]);
             let spread = state.spread[i].clamp(1.0, LARGEST_SPREAD);
-            let old = if POSE.contains(&i) { stale_pose } else { stale };
+            let old = if POSE.contains(&i) { stale_pose } else { stale || state.resting.is_dead(i, &told) };
             *believed = !old && units <= GATE * GATE * spread;
             contradicts |= !old && !*believed;
             if *believed {
                 state.spread[i] += (units - state.spread[i]) * (elapsed / MEMORY).min(1.0);
             }
+        }
+        if finite {
+            let shown = state.spread.map(|spread| spread.clamp(1.0, LARGEST_SPREAD));
+            let variance = self.noise.component_mul(&shown);
+            state.resting.observe(&told, !stale_pose, &variance, self.yaw_accel, elapsed);
         }
         let all = believed.iter().all(|believed| *believed);
         if contradicts && finite && state.agreed < ESTABLISHED {
@@ -327,7 +349,8 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         } else {
             // A vehicle that was put down and stands has the same bits at each step, too.
             let stands = (3..ARTICULATION).all(|i| told[i].abs() * elapsed <= MOVES);
-            let there = finite && (!stale_pose || stands) && state.dead_pose.is_none();
+            let lives = state.dead_pose.is_none() && !state.resting.has_dead();
+            let there = finite && (!stale_pose || stands) && lives;
             state.candidate = self.candidate(state.candidate, &told, there, elapsed, scale, &state.spread);
             let age = state.candidate.map_or(0.0, |candidate| candidate.age);
             let goes_on = state.candidate.is_some() && age >= self.parameters.bridge_time - 0.5 * elapsed;
@@ -560,6 +583,11 @@ impl GuardState {
     fn scale(&self) -> f64 {
         let [beyond, way] = self.ways;
         1.0 + (beyond / (way + SCALE_PRIOR)).clamp(-LARGEST_SCALE, LARGEST_SCALE)
+    }
+
+    /// The signals that are bridged.
+    pub(super) fn bridged(&self) -> impl Iterator<Item = &'static Signal> {
+        NAMED.into_iter().zip(&self.age).filter(|(_, age)| **age > 0.0).map(|(signal, _)| signal)
     }
 
     /// Longest time for which a signal has been implausible, s.

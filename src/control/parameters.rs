@@ -76,6 +76,7 @@ parameters! {
         lateral_accel: f64 = 2.25, METRE_PER_SECOND2 in 0.1, 15.0; "speed.lateral_accel", "Lateral acceleration that the speed plan allows"
         accel: f64 = 1.5, METRE_PER_SECOND2 in 0.1, 10.0; "speed.accel", "Acceleration that the speed plan allows"
         decel: f64 = 2.0, METRE_PER_SECOND2 in 0.1, 12.0; "speed.decel", "Deceleration that the speed plan allows"
+        brake_decel: f64 = 100.0, METRE_PER_SECOND2 in 0.01, 100.0; "speed.brake_decel", "Largest deceleration that the brakes give on a level road, their force over the mass: the speed plan asks for less"
         controller: usize = 0, ONE in 0.0, 1.0; "speed.controller", "How the speed plan is tracked: 0 by feedforward and PI; 1 by MPC of speed and lag error (longitudinal.*)"
         gain: f64 = 1.0, ONE in 0.0, 20.0; "speed.gain", "Proportional gain from the speed error to the acceleration, 1/s"
         integral: f64 = 0.2, ONE in 0.0, 20.0; "speed.integral", "Integral gain of the speed error, 1/s2"
@@ -130,7 +131,8 @@ impl ControllerParameters {
         let mut parameters = Self { vehicle, ..Self::default() };
         parameters.longitudinal.drive_lag = car.drive.lag;
         parameters.actuator = ActuatorParameters::of(&car.steering);
-        parameters.mpc.steer_max = parameters.mpc.steer_max.min(car.steering.angle_limit);
+        parameters.mpc.steer_max = car.steering.angle_limit;
+        parameters.speed.brake_decel = SpeedParameters::braked_by(car.brake.max_force, car.vehicle.mass);
         parameters.mpc.steer_rate_max = parameters.mpc.steer_rate_max.min(car.steering.rate_limit);
         parameters
     }
@@ -191,6 +193,21 @@ impl<G> ControllerParametersFor<G> {
             "the road has {radius:.2} m radius at station {station:.1} m, and {length:.1} m of it are tighter than the \
              vehicle turns ({circle:.2} m: its wheelbase over tan of mpc.steer_max): it may leave the road there"
         ))
+    }
+
+    /// A note where a road tells of speeds above `speed.limit`, such as those of a racing line.
+    #[must_use]
+    pub fn slower_than_told(&self, road: &Path) -> Option<String> {
+        let speeds = (0..=road.length() as usize).filter_map(|station| road.at(station as f64).speed);
+        let fastest = speeds.fold(0.0, f64::max);
+        let limit = self.speed.limit;
+        (fastest > limit).then(|| {
+            format!(
+                "the road tells of up to {fastest:.1} m/s, and speed.limit is {limit} m/s: it is driven no faster \
+                 (--set speed.limit={})",
+                fastest.ceil()
+            )
+        })
     }
 
     /// Checks all values against their ranges.
@@ -295,6 +312,7 @@ impl MpcParameters {
             tightening: 1.0,
             follow_road: 0,
             lateral_jerk_max: 1e6,
+            steer_max: self.steer_max.min(0.6),
             ..self
         }
     }
@@ -333,6 +351,12 @@ impl ControllerParameters {
 }
 
 impl SpeedParameters {
+    /// Deceleration by brakes of a force in N on a mass in kg, within the range of [`brake_decel`](Self::brake_decel).
+    #[must_use]
+    pub(super) fn braked_by(force: f64, mass: f64) -> f64 {
+        (force / mass).clamp(0.01, 100.0)
+    }
+
     /// Tracking of the speed plan.
     #[must_use]
     pub fn tracked_by(&self) -> SpeedController {

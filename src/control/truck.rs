@@ -182,7 +182,7 @@ impl TruckControllerParameters {
             q_e2_rate: 3.5,
             r_rate: 0.002,
             r_lateral_jerk: 0.027,
-            steer_max: truck.steering.angle_limit.min(0.6),
+            steer_max: truck.steering.angle_limit,
             steer_rate_max: truck.steering.rate_limit.min(0.6),
             ..MpcParameters::default()
         };
@@ -193,6 +193,10 @@ impl TruckControllerParameters {
             decel: 0.8,
             accel_cmd_max: 1.5,
             decel_cmd_max: 4.0,
+            brake_decel: SpeedParameters::braked_by(
+                truck.brake.max_force,
+                truck.tractor.mass + truck.trailer.mass,
+            ),
             ..SpeedParameters::default()
         };
         let longitudinal =

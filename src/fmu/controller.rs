@@ -5,6 +5,10 @@
 //! A host with steps longer than Ts holds the commands for as long: its step becomes the sample time (`host_step.rs`).
 
 mod host_step;
+mod told_status;
+
+use self::host_step::HostSteps;
+use self::told_status::ToldStatuses;
 
 use super::{failed, vehicle_file_parameter, vehicle_named};
 use crate::control::{
@@ -13,8 +17,8 @@ use crate::control::{
 };
 use crate::finite::check_finite;
 use crate::fmi::{
-    Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Seconds, Severity, Values,
-    Variable, VariableKind, Vr,
+    Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Severity, Values, Variable,
+    VariableKind, Vr,
 };
 use crate::input;
 use crate::parameter::{Choices, Parameter, ParameterGroup};
@@ -423,8 +427,12 @@ struct Running<U: ControllerUnit<S>, const S: usize> {
     /// this is longer.
     model: PredictionModelFor<U::Vehicle, S>,
     sample_time: f64,
+    /// The host's last steps.
+    steps: HostSteps,
     /// True once the host has been told that its step is too long.
     told: bool,
+    /// Changes of the status that the host was told of.
+    statuses: ToldStatuses,
 }
 
 /// State that [`Model::save`] writes.
@@ -434,6 +442,7 @@ struct Saved<const S: usize> {
     sampler: Sampler,
     /// Sample time of the controller, s.
     sample_time: f64,
+    steps: HostSteps,
     /// Hash of the road, whose shape the state does not hold.
     road: u64,
 }
@@ -523,7 +532,9 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         }
         write_outputs(v, values, &controller);
         let sampler = Sampler::new(start_time);
-        self.running = Some(Running { controller, sampler, variant, model, sample_time, told: false });
+        let (steps, statuses) = (HostSteps::default(), ToldStatuses::default());
+        self.running =
+            Some(Running { controller, sampler, variant, model, sample_time, steps, told: false, statuses });
         Ok(())
     }
 
@@ -539,7 +550,7 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
             return Err(failed("the controller is not initialised"));
         };
         running.keep_up_with(time, step, log)?;
-        let Running { controller, sampler, .. } = running;
+        let Running { controller, sampler, statuses, .. } = running;
         if !sampler.due(time, controller.parameters().mpc.sample_time) {
             return Ok(());
         }
@@ -552,14 +563,7 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
             controller.step_at(time, &measurement).map_err(|error| ModelError::Discard(error.to_string()))?;
         let status = report.status;
         if status != before {
-            let ordinary =
-                matches!(status, ControlStatus::Optimal | ControlStatus::Waiting | ControlStatus::Finished);
-            let severity = if ordinary { Severity::Info } else { Severity::Warning };
-            log.log(
-                severity,
-                "control",
-                &format!("t = {}: status {}: {}", Seconds(time), status.name(), status.meaning()),
-            );
+            statuses.tell(time, status, controller.bridged_signals(), log);
         }
         write_outputs(v, values, controller);
         Ok(())
@@ -576,9 +580,9 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         let status = |model: &Self| model.running.as_ref().map(|running| running.controller.report().status);
         let before = status(self);
         self.step(values, time, step, log)?;
-        let Some(Running { sample_time, .. }) = &self.running else { return Ok(step) };
+        let Some(Running { controller, .. }) = &self.running else { return Ok(step) };
         let is_event = before != status(self) && before != Some(ControlStatus::Waiting);
-        Ok(if is_event { step.min(*sample_time) } else { step })
+        Ok(if is_event { step.min(controller.parameters().mpc.sample_time) } else { step })
     }
 
     fn reports_warnings(&self, values: &Values) -> bool {
@@ -586,11 +590,12 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
     }
 
     fn save(&self, bytes: &mut Vec<u8>) {
-        if let Some(Running { controller, sampler, .. }) = &self.running {
+        if let Some(Running { controller, sampler, steps, .. }) = &self.running {
             let saved = Saved {
                 controller: controller.state().clone(),
                 sampler: *sampler,
                 sample_time: controller.parameters().mpc.sample_time,
+                steps: *steps,
                 road: controller.path().hash(),
             };
             if let Ok(encoded) = postcard::to_allocvec(&saved) {
@@ -627,7 +632,7 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         if let Some(controller) = resampled {
             running.controller = controller;
         }
-        running.sampler = saved.sampler;
+        (running.sampler, running.steps) = (saved.sampler, saved.steps);
         Ok(())
     }
 }

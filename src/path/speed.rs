@@ -9,7 +9,7 @@
 //!
 //! Each half-axis is the driver's wish, or less where tyres do not give it: the road's friction factor times the grip
 //! on a dry road, less what holds the vehicle on a bank or a slope. Not all of it drives or brakes ([`DRIVEN_SHARE`],
-//! [`BRAKED_SHARE`]).
+//! [`BRAKED_SHARE`]), and brakes give no more than their force.
 //!
 //! One pass backwards for braking, one forwards for accelerating, in `v^2`, which is linear in `s` at constant
 //! acceleration. Last, `v^2` is replaced by a sliding mean of its sliding minimum over [`BLEND`]. The result stays
@@ -49,6 +49,8 @@ pub struct SpeedLimits {
     pub accel: f64,
     /// Deceleration in m/s2, positive.
     pub decel: f64,
+    /// Largest deceleration that the brakes give on a level road in m/s2; infinite for no limit.
+    pub brake_decel: f64,
     /// Speed in m/s.
     pub speed: f64,
     /// Rate of the driven curvature in 1/(m s): about the steering's rate over the wheelbase; infinite for no limit.
@@ -69,6 +71,7 @@ impl Default for SpeedLimits {
             lateral_accel: 2.25,
             accel: 1.2,
             decel: 1.8,
+            brake_decel: without,
             speed: 50.0,
             curvature_rate: without,
             curvature: without,
@@ -143,8 +146,12 @@ impl SpeedPlan {
                 let outwards = to_right * curvature[i].signum();
                 let limit = limits.lateral_accel.min(grip - outwards).max(1e-3);
                 lateral.push(limit);
+                let braked = grip.min(limits.brake_decel);
                 along.push([
-                    limits.decel.min(PLANNED_BRAKING * grip + back).max(LEAST_SHARE * limits.decel.min(grip)),
+                    limits
+                        .decel
+                        .min(PLANNED_BRAKING * braked + back)
+                        .max(LEAST_SHARE * limits.decel.min(braked)),
                     limits.accel.min(DRIVEN_SHARE * grip - back).max(LEAST_SHARE * limits.accel.min(grip)),
                 ]);
                 let top = if road.is_nan() { limits.speed } else { limits.speed.min(road) };

@@ -135,6 +135,9 @@ impl Ending {
             End::Duration => {
                 format!("the duration was over after {:.0} of {:.0} m", self.driven, self.length)
             }
+            End::Road if self.place.lateral_error.abs() > self.limits.lateral_error => {
+                format!("it passed the end of the road {:.0} m beside it", self.place.lateral_error.abs())
+            }
             End::Road => "the road was driven to its end".to_owned(),
             End::Standing { status } => {
                 let left = (self.length - self.driven).max(0.0).round();

@@ -228,6 +228,9 @@ fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
     if let Some(warning) = setup.controller.too_tight::<S>(&setup.path) {
         warn!("warning: {warning}");
     }
+    if let Some(note) = setup.controller.slower_than_told(&setup.path) {
+        warn!("note: {note}");
+    }
     let (variant, model) = model.choose(&setup.controller)?;
     Ok((setup, variant, model))
 }
