@@ -189,7 +189,7 @@ def measure(labels: list[dict], out: Path, common: tuple[int, str, dict[str, flo
         states.append(state)
         for done, name in enumerate(sorted(summaries), 1):
             own = summaries[name]
-            vehicle = Vehicle(drives_of(own, state.parameters), state.spread, state.rate)
+            vehicle = Vehicle(drives_of(own, state.parameters), state.spread, state.rates)
             for count in range(1, len(own) + 1):
                 found[count, name] = [it for it in vehicle.changes(count).changes if not it.passing]
             if done % 10 == 0:
@@ -234,7 +234,9 @@ def measure(labels: list[dict], out: Path, common: tuple[int, str, dict[str, flo
         "final": final, "rows": rows,
         "false": [{"vehicle": name, "effect": effect, "since": since} for name, effect, since in sorted(alarms)],
         "common_truth": {"type": common[0], "effect": common[1], "values": common[2]},
-        "types": [{"type": it.type, "common": [vars(one) for one in it.common], "rate": it.rate} for it in states],
+        "types": [
+            {"type": it.type, "common": [vars(one) for one in it.common], "rates": vars(it.rates)} for it in states
+        ],
     }  # fmt: skip
 
 

@@ -264,6 +264,65 @@ fn columns_that_come_later_than_others_are_taken_earlier() {
     }
 }
 
+/// A drive without `vy`, fast in some bends and slow in others, whose rear slips as a saturating tyre does; its places are late by
+/// so many rows.
+fn slipping(rows: usize) -> Columns {
+    const STEP: f64 = 0.02;
+    let mut columns: Columns =
+        ["time", "x", "y", "yaw", "vx", "yaw_rate", "ax", "ay", "steer_cmd", "accel_cmd"]
+            .map(|name| (name, Vec::new()))
+            .into();
+    let (mut x, mut y, mut yaw, mut last) = (0.0, 0.0, 0.0_f64, 16.0);
+    // Sensors' noise, of no random generator: sums of sines without a common period.
+    let noise = |row: usize, size: f64, of: f64| {
+        let at = row as f64 * of;
+        size * ((7.1 * at).sin() + (13.7 * at + of).sin() + (29.3 * at).cos())
+    };
+    for row in 0..3000 {
+        let time = row as f64 * STEP;
+        let (speed, rate) =
+            (16.0 + 6.0 * (0.23 * time).sin(), 0.22 * (0.41 * time).sin() + 0.08 * (0.9 * time).sin());
+        let lateral = speed * rate;
+        let slip: f64 = 1.4 * rate - speed * (0.012 * lateral + 0.0004 * lateral.powi(3));
+        let [told_x, told_y] = [x + noise(row, 0.02, 1.1), y + noise(row, 0.02, 1.3)];
+        let values = [
+            ("time", time),
+            ("x", told_x),
+            ("y", told_y),
+            ("yaw", yaw + noise(row, 5e-4, 1.7)),
+            ("vx", speed + noise(row, 0.015, 1.9)),
+            ("yaw_rate", rate + noise(row, 1e-3, 2.3)),
+            ("ax", (speed - last) / STEP - slip * rate + noise(row, 0.03, 2.9)),
+            ("ay", lateral + noise(row, 0.03, 3.1)),
+            ("steer_cmd", (2.7 + 0.002 * speed * speed) * rate / speed),
+            ("accel_cmd", (speed - last) / STEP),
+        ];
+        for (name, value) in values {
+            columns.get_mut(name).unwrap().push(value);
+        }
+        (x, y) = (
+            x + STEP * (speed * yaw.cos() - slip * yaw.sin()),
+            y + STEP * (speed * yaw.sin() + slip * yaw.cos()),
+        );
+        yaw += STEP * rate;
+        last = speed;
+    }
+    late(&mut columns, &["x", "y"], rows);
+    columns
+}
+
+#[test]
+fn a_slip_that_no_column_tells_makes_no_place_late() {
+    for (rows, words) in [(0, None), (5, Some("x comes 0.1")), (10, Some("x comes 0.2"))] {
+        let log = cleaned(slipping(rows)).unwrap();
+        let said = said(&log.findings, "x", FindingSeverity::Warning);
+        match words {
+            None => assert!(!said.contains("later"), "{said}"),
+            Some(words) => assert!(said.contains(words), "{rows} rows: {said}"),
+        }
+    }
+}
+
 #[test]
 fn ten_rows_a_second_are_no_wrong_clock() {
     let mut columns = drive();

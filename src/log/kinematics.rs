@@ -136,21 +136,41 @@ pub(super) fn vx_late(log: &CleanLog) -> Option<(f64, f64)> {
     first_coefficient_within(&spans.integrals(|i| ax[i]), &rows)
 }
 
-/// Time by which places come later than velocities and headings tell, s, and its standard error.
+/// Time by which places come later than velocities and headings tell, s, and its standard error. Without `vy` it is told along the
+/// heading only: across it the slip moves a place as well, and where the speed is the same in all bends, as far as a lateness does.
 pub(super) fn place_late(log: &CleanLog) -> Option<(f64, f64)> {
     let [x, y, yaw, vx] = ["x", "y", "yaw", "vx"].map(|name| log.columns.get(name));
     let (x, y, yaw, vx) = (x?, y?, yaw?, vx?);
-    let zero = vec![0.0; vx.len()];
-    let vy = log.columns.get("vy").unwrap_or(&zero);
     let spans = Spans::of(log);
+    let (cos, sin) = (spans.changes(|i| yaw[i].cos()), spans.changes(|i| yaw[i].sin()));
+    let moved = [spans.changes(|i| x[i]), spans.changes(|i| y[i])];
+    let Some(vy) = log.columns.get("vy") else {
+        let (east, north) = (|i: usize| vx[i] * yaw[i].cos(), |i: usize| vx[i] * yaw[i].sin());
+        let ways = [spans.integrals(east), spans.integrals(north)];
+        let changes = [spans.changes(east), spans.changes(north)];
+        // By the heading in the middle of each span, about which the slip's part is odd.
+        let [toward_x, toward_y] = [spans.means(|i| yaw[i].cos()), spans.means(|i| yaw[i].sin())];
+        let along =
+            |k: usize, x: f64, y: f64| (toward_x[k] * x + toward_y[k] * y) / toward_x[k].hypot(toward_y[k]);
+        let targets: Vec<f64> = (0..spans.count()).map(|k| along(k, moved[0][k], moved[1][k])).collect();
+        let rows: Vec<[f64; 3]> = (0..spans.count())
+            .map(|k| {
+                [
+                    -along(k, changes[0][k], changes[1][k]),
+                    along(k, ways[0][k], ways[1][k]),
+                    along(k, -sin[k], cos[k]),
+                ]
+            })
+            .collect();
+        return first_coefficient_within(&targets, &rows);
+    };
     let east = |i: usize| vx[i] * yaw[i].cos() - vy[i] * yaw[i].sin();
     let north = |i: usize| vx[i] * yaw[i].sin() + vy[i] * yaw[i].cos();
-    let (cos, sin) = (spans.changes(|i| yaw[i].cos()), spans.changes(|i| yaw[i].sin()));
     let ways = [spans.integrals(east), spans.integrals(north)];
     let changes = [spans.changes(east), spans.changes(north)];
     let (mut targets, mut rows) = (Vec::new(), Vec::new());
-    for (place, is_x) in [(x, true), (y, false)] {
-        targets.extend(spans.changes(|i| place[i]));
+    for (place, is_x) in moved.into_iter().zip([true, false]) {
+        targets.extend(place);
         let (own, other) = if is_x { (0, 1) } else { (1, 0) };
         let (along, across) = if is_x { (&cos, &sin) } else { (&sin, &cos) };
         let side = if is_x { -1.0 } else { 1.0 };
@@ -186,6 +206,12 @@ impl<'a> Spans<'a> {
         };
         let means: Vec<f64> = (0..=self.count()).map(mean).collect();
         means.windows(2).map(|pair| pair[1] - pair[0]).collect()
+    }
+
+    /// A quantity's mean over both stretches of each span.
+    fn means(&self, of: impl Fn(usize) -> f64) -> Vec<f64> {
+        let both = |k: usize| k * self.size..(k + 2) * self.size;
+        (0..self.count()).map(|k| both(k).map(&of).sum::<f64>() / (2 * self.size) as f64).collect()
     }
 
     /// Integrals of a rate over the same spans.

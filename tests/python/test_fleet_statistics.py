@@ -73,8 +73,10 @@ def test_probabilities_of_changes_are_those_of_dense_gaussians(fleet):
 
     # Of scaled parameters: one without a tolerance is scaled by the size of what is named.
     deviation = {0: 3.0, 2: 1.0}
-    log_prior = {True: [math.log(fleet.changes.PASSING)] * count}
-    log_prior[False] = [math.log(fleet.changes.FROM_THE_START)] + [math.log(fleet.changes.RATE)] * (count - 1)
+    log_prior = {True: [math.log(fleet.changes.ORDINARY.passing)] * count}
+    log_prior[False] = [math.log(fleet.changes.FROM_THE_START)] + [math.log(fleet.changes.ORDINARY.lasting)] * (
+        count - 1
+    )
     weights = {None: 0.0}
     for passing in (False, True):
         for effect in (0, 2):
@@ -278,7 +280,7 @@ def test_over_many_fleets_intervals_hold_alarms_are_few_and_changes_are_named_in
                     else:
                         alarms += 1
             if place is not None:
-                own = fleet.changes.Vehicle(of[0].take(of[1] == int(one.vehicle)), state.spread, state.rate)
+                own = fleet.changes.Vehicle(of[0].take(of[1] == int(one.vehicle)), state.spread, state.rates)
                 found = own.changes(since + 3).changes
                 in_time.append(any(it.effect == f"e{place}" and it.probability > 0.9 for it in found))
     assert min(np.mean(held), np.mean(of_type)) > 0.9

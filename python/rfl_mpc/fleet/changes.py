@@ -31,10 +31,8 @@ from rfl_mpc.fleet.hierarchy import Spread
 from rfl_mpc.fleet.hierarchy import without as marginal
 from rfl_mpc.fleet.summary import Drives, Parameter
 
-RATE = 1e-3
-"""Changes a drive, before a fleet says otherwise."""
-PASSING = 5e-3
-"""Drives that differ alone: a guest's luggage."""
+DRIVES = 1000
+"""Drives that what is believed of the rates beforehand counts as."""
 FROM_THE_START = 0.02
 """Vehicles that have something from their first drive on."""
 MOST = 4
@@ -49,6 +47,25 @@ FORM = 0.03
 """Error of what a model says of a change, as a share of it: a signal's error of form, as in calibration.toml."""
 OF_LOAD = 0.3
 """Share of a named shift of the CG by which a load shifts it where no fit has placed it yet."""
+
+
+@dataclass(frozen=True)
+class Rates:
+    """How often something differs. Only they tell, on a last drive, a change from a drive that differs alone."""
+
+    lasting: float = 1e-3
+    """Changes a drive."""
+    passing: float = 5e-3
+    """Drives that differ alone: a guest's luggage, or a drive of which a summary says what is not so."""
+
+    def learned(self, lasting: float, passing: float, drives: int) -> Rates:
+        """Those of a fleet with so many expected changes and drives that differ alone."""
+        weight = drives + DRIVES
+        return Rates((lasting + DRIVES * self.lasting) / weight, (passing + DRIVES * self.passing) / weight)
+
+
+ORDINARY = Rates()
+"""Before a fleet says otherwise."""
 
 
 @dataclass(frozen=True)
@@ -127,9 +144,9 @@ class Vehicle:
     """Drives of one vehicle in their order, and what of it is known."""
 
     def __init__(
-        self, drives: Drives, spread: Spread, rate: float = RATE, without: frozenset[str] = frozenset()
+        self, drives: Drives, spread: Spread, rates: Rates = ORDINARY, without: frozenset[str] = frozenset()
     ) -> None:
-        self.parameters, self.rate = drives.parameters, rate
+        self.parameters, self.rates = drives.parameters, rates
         self.kinds = [kind for kind in kinds(drives.parameters) if kind.effect not in without]
         self.precision, shift = marginal(drives.precision, drives.shift, spread.between_drives)
         self.shift = shift - self.precision @ spread.mean
@@ -233,12 +250,12 @@ class Vehicle:
         level = self._levels(count, known, mean)
         size = len(self.kinds)
         weight = np.full((2, size, count), -np.inf)
-        start = np.array([FROM_THE_START] + [self.rate] * (count - 1))
+        start = np.array([FROM_THE_START] + [self.rates.lasting] * (count - 1))
         for passing, of in enumerate((lasting, single)):
             if passing and count == 1:
                 continue
             reduced, pull = self._reduced(covariance, mean, of)
-            prior = np.log(np.full(count, PASSING) if passing else start) - math.log(size * len(SIZES))
+            prior = np.log(np.full(count, self.rates.passing) if passing else start) - math.log(size * len(SIZES))
             for j, kind in enumerate(self.kinds):
                 for share in SIZES:
                     found, solved, evidence = self._fitted(kind, reduced, pull, share)
@@ -330,8 +347,3 @@ def _interval(shares: np.ndarray) -> tuple[int, int]:
         if len(enough) and enough[0] < best[1] - best[0]:
             best = (first, first + int(enough[0]))
     return best
-
-
-def rate_of(expected: float, drives: int) -> float:
-    """Changes a drive of a fleet: what is expected of it, and one prior change."""
-    return (expected + 1.0) / (drives + 1.0 / RATE)

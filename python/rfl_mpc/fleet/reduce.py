@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
-from rfl_mpc.fleet.changes import RATE, Change, Vehicle, rate_of
+from rfl_mpc.fleet.changes import ORDINARY, Change, Rates, Vehicle
 from rfl_mpc.fleet.hierarchy import Spread, ordinary, spread, type_likelihoods
 from rfl_mpc.fleet.summary import Drives, Parameter, drives_of, parameters_of
 
@@ -61,8 +61,8 @@ class TypeState:
     spread: Spread
     common: list[Change]
     """What all its vehicles share."""
-    rate: float
-    """Changes a drive."""
+    rates: Rates
+    """How often its vehicles change."""
     differs: list[int]
     """Places of the parameters in which the fleet surely differs from the simulator, the surest first."""
     vehicles: list[VehicleState]
@@ -90,14 +90,14 @@ def reduce_type(
         return None
     drives = drives_of([one for _, of in sample for one in of], parameters)
     number = np.repeat(np.arange(len(sample)), [len(of) for _, of in sample])
-    rate, found = RATE, ordinary(parameters)
-    settled, refused = _without_changes(drives, number, found, rate).later, frozenset()
+    rates, found = ORDINARY, ordinary(parameters)
+    settled, refused = _without_changes(drives, number, found, rates).later, frozenset()
     for last in range(PASSES):
         found, common, offset = _common(settled, number, found, refused)
         if last == PASSES - 1:
             break
-        looked = _without_changes(drives, number, found, rate)
-        settled, usual, rate = looked.later, looked.usual, rate_of(looked.expected, len(drives))
+        looked = _without_changes(drives, number, found, rates)
+        settled, usual, rates = looked.later, looked.usual, ORDINARY.learned(*looked.expected, len(drives))
         refused |= {it.effect for it in common if 2 * looked.from_start.count(it.effect) > len(sample)}
         # An error that all share is many tolerances off: left in, it would be taken for their spread.
         found = spread(replace(usual, shift=usual.shift - usual.precision @ offset), number)
@@ -108,11 +108,11 @@ def reduce_type(
         count += len(own)
         if own:
             # A parameter that no drive of the sample had is told by few: it is left out.
-            of = Vehicle(drives_of([_only(one, parameters) for one in own], parameters), found, rate).changes()
+            of = Vehicle(drives_of([_only(one, parameters) for one in own], parameters), found, rates).changes()
             deviation = np.sqrt(np.maximum(np.diag(of.covariance), 0.0))
             states.append(VehicleState(name, type, len(own), of.changes, of.candidate, of.nothing, of.mean, deviation))
         progress(done / len(vehicles))
-    return TypeState(type, parameters, found, common, rate, _differs(parameters, found), states, count)
+    return TypeState(type, parameters, found, common, rates, _differs(parameters, found), states, count)
 
 
 @dataclass(frozen=True)
@@ -123,24 +123,25 @@ class _Looked:
     """Without those that began after a vehicle's first drive."""
     usual: Drives
     """Without any."""
-    expected: float
-    """Expected number of lasting ones."""
+    expected: tuple[float, float]
+    """Expected numbers of lasting ones, and of drives that differ alone."""
     from_start: list[str]
     """Effects that a vehicle has from its first drive on, for each vehicle that does."""
 
 
-def _without_changes(drives: Drives, number: np.ndarray, of: Spread, rate: float) -> _Looked:
+def _without_changes(drives: Drives, number: np.ndarray, of: Spread, rates: Rates) -> _Looked:
     """Looks for changes in each vehicle, and takes them out."""
-    later, usual, expected, from_start = drives.shift.copy(), drives.shift.copy(), 0.0, []
+    later, usual, expected, from_start = drives.shift.copy(), drives.shift.copy(), [0.0, 0.0], []
     for one in np.unique(number):
         own = number == one
-        vehicle = Vehicle(drives.take(own), of, rate)
+        vehicle = Vehicle(drives.take(own), of, rates)
         found = vehicle.changes()
-        expected += sum(it.probability for it in found.changes if not it.passing)
+        for it in found.changes:
+            expected[it.passing] += it.probability
         from_start += [kind.effect for mask, kind in found.known if mask.all()]
         for shift, offsets in zip((later, usual), vehicle.offsets(found.known)):
             shift[own] -= np.einsum("dij,dj->di", drives.precision[own], offsets)
-    return _Looked(replace(drives, shift=later), replace(drives, shift=usual), expected, from_start)
+    return _Looked(replace(drives, shift=later), replace(drives, shift=usual), (expected[0], expected[1]), from_start)
 
 
 def _differs(parameters: tuple[Parameter, ...], of: Spread) -> list[int]:

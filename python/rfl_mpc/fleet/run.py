@@ -317,7 +317,7 @@ def _history(answers: Answers):
     def history(of: TypeState, state: VehicleState, effect: str) -> page.History | None:
         rows = answers.told(state.type, state.vehicle)
         drives = drives_of(answers.summaries(state.type, state.vehicle), of.parameters)
-        vehicle = Vehicle(drives, of.spread, of.rate)
+        vehicle = Vehicle(drives, of.spread, of.rates)
         value, deviation = vehicle.by_drive(effect, vehicle.changes().known)
         return page.History(effect, of.unit(effect), value, deviation, [answers.label(row) for row in rows])
 
@@ -359,7 +359,8 @@ def _write(folder: Path, answers: Answers, types: list[TypeState], reports) -> F
         "errors": len(errors),
         "types": [
             {
-                "type": of.type, "vehicles": len(of.vehicles), "drives": of.drives, "changes_a_drive": of.rate,
+                "type": of.type, "vehicles": len(of.vehicles), "drives": of.drives,
+                "changes_a_drive": of.rates.lasting, "passing_a_drive": of.rates.passing,
                 "common": [
                     {name: getattr(one, name) for name in ("effect", "value", "low", "high", "probability", "also")}
                     for one in of.common
