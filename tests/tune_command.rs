@@ -96,6 +96,9 @@ fn a_road_of_one_s_own_and_bad_input() {
     for (arguments, word) in [
         (&["tune", "--vehicle", "none.toml"][..], "none.toml"),
         (&["tune", "--budget", "0"], "--budget"),
+        (&["tune", "--delay-margin", "-0.1"], "a time in s that is not below 0"),
+        (&["tune", "--delay-margin", "NaN"], "a time in s that is not below 0"),
+        (&["tune", "--gain-margin", "0.5"], "a factor of 1 or more"),
         (&["tune", "--set", "mpc.q_e9=1"], "mpc.q_e9"),
         (&["tune", "--path", "none.csv"], "none.csv"),
     ] {

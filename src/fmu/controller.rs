@@ -2,9 +2,10 @@
 //!
 //! It computes at its sample time Ts and holds its commands between. Outputs change in steps only: at a
 //! communication point they do not depend on the inputs set there, so there is no algebraic loop with the plant.
-//! A host with steps longer than Ts holds the commands for as long: its step becomes the sample time (`host_step.rs`).
+//! A host with steps longer than Ts holds the commands for as long: its step becomes the sample time (`resampled.rs`).
 
 mod host_step;
+mod resampled;
 mod told_status;
 
 use self::host_step::HostSteps;

@@ -126,6 +126,14 @@ pub fn tuned(args: &TuneArgs) -> Result<Value, Box<dyn Error>> {
     if args.budget == 0 || args.scenarios == 0 || args.held_out == 0 {
         return Err("--budget, --scenarios and --held-out must be at least 1".into());
     }
+    if !(args.delay_margin.is_finite() && args.delay_margin >= 0.0) {
+        return Err(
+            format!("--delay-margin {}: give a time in s that is not below 0", args.delay_margin).into()
+        );
+    }
+    if !(args.gain_margin.is_finite() && args.gain_margin >= 1.0) {
+        return Err(format!("--gain-margin {}: give a factor of 1 or more", args.gain_margin).into());
+    }
     by_kind!(&args.vehicle, tune(args))
 }
 
