@@ -304,7 +304,7 @@ fn a_column_that_agrees_with_the_motion_is_not_blamed() {
     for (turned, blamed) in [
         (&["curvature"][..], "curvature has the opposite sign of yaw_rate"),
         (&["curvature_rate"], "curvature_rate has the opposite sign of curvature"),
-        (&["e2", "e2_rate"], "e2_rate has the opposite sign of yaw_rate"),
+        (&["e2", "e2_rate"], "e2 and e2_rate have the opposite sign of"),
     ] {
         let [_, training, _] = answers(&sound().scaled(turned, -1.0).log());
         let error = training.unwrap_err();
@@ -417,7 +417,7 @@ fn a_precise_drive_does_not_contradict_itself() {
         .map("curvature", |row, _| curvature(row))
         .map("curvature_rate", |row, _| 0.02 * 0.3 * (0.3 * time(row)).cos() / vx(row))
         .map("steer", |row, _| steering(vx(row)) * yaw_rate(row) / vx(row))
-        .map("steer_cmd", |row, _| steering(vx(row)) * yaw_rate(row) / vx(row))
+        .map("steer_cmd", |row, _| steering(vx(row + 2)) * yaw_rate(row + 2) / vx(row + 2))
         .log();
     let [_, training, _] = answers(&log);
     assert_eq!(training, Ok(String::new()));

@@ -19,12 +19,13 @@ fn drive(length: f64, rate: f64) -> DriveTable {
     let names =
         ["time", "steer_cmd", "accel_cmd", "x", "y", "yaw", "vx", "vy", "yaw_rate", "ax", "ay", "steer"];
     let step = 1.0 / rate;
-    let (mut x, mut y, mut yaw, mut yaw_rate, mut rows) = (3.0, -2.0, 0.4, 0.0, Vec::new());
+    let (mut x, mut y, mut yaw, mut yaw_rate, mut angle, mut rows) = (3.0, -2.0, 0.4, 0.0, 0.0, Vec::new());
     for row in 0..(length * rate).round() as usize {
         let time = step * row as f64;
         let vx = 10.0 + 3.0 * (0.2 * time).sin();
         let steer = 0.05 * (0.5 * time).sin() + 0.03 * (1.3 * time).sin();
         yaw_rate += (vx * steer / steering(vx) - yaw_rate) * (step / 0.1).min(1.0);
+        angle += (steer - angle) * (step / 0.05).min(1.0);
         rows.push(vec![
             time,
             steer,
@@ -37,7 +38,7 @@ fn drive(length: f64, rate: f64) -> DriveTable {
             yaw_rate,
             0.6 * (0.2 * time).cos(),
             vx * yaw_rate,
-            steer,
+            angle,
         ]);
         x += step * vx * yaw.cos();
         y += step * vx * yaw.sin();
@@ -347,7 +348,7 @@ fn kilometres_per_hour_and_g_are_converted() {
 fn a_turned_sign_is_refused_and_named() {
     for column in ["steer_cmd", "yaw", "yaw_rate", "ay", "y"] {
         match sound().scaled(&[column], -1.0).refused() {
-            CleanError::Sign { column: named, .. } => assert_eq!(named, column),
+            CleanError::Sign { columns, .. } => assert_eq!(columns, [column]),
             other => panic!("{column}: {other}"),
         }
     }

@@ -16,9 +16,16 @@ const KMH: f64 = 1.0 / 3.6;
 
 #[test]
 fn steps_are_told_from_the_values_in_any_unit() {
-    for (name, step, digits) in
-        [("vx", KMH, 1e9), ("vx", KMH, 1e2), ("steer", DEGREE, 1e9), ("steer_cmd", DEGREE, 1e5)]
-    {
+    for (name, step, digits) in [
+        ("vx", KMH, 1e9),
+        ("vx", KMH, 1e2),
+        ("steer", DEGREE, 1e9),
+        ("steer_cmd", DEGREE, 1e5),
+        ("x", 1.0, 1e9),
+        ("y", 0.5, 1e9),
+        ("ax", 0.5, 1e9),
+        ("ay", 1.0, 1e9),
+    ] {
         let mut log = columns(7, &[]);
         in_steps(&mut log, name, step, digits);
         let log = cleaned(log).unwrap();
@@ -49,16 +56,19 @@ fn pulses_of_a_command_are_no_steps() {
 
 #[test]
 fn a_cause_is_named_behind_coarse_numbers_and_none_where_there_is_none() {
-    for (put_in, name, step) in [
-        (&[("steer_gain", 1.15)][..], "vx", KMH),
-        (&[("steer_gain", 1.15)], "steer", DEGREE),
-        (&[], "vx", KMH),
+    for (put_in, names, step) in [
+        (&[("steer_gain", 1.15)][..], &["vx"][..], KMH),
+        (&[("steer_gain", 1.15)], &["steer"], DEGREE),
+        (&[("steer_gain", 1.15)], &["x", "y"], 1.0),
+        (&[], &["vx"], KMH),
+        (&[], &["x", "y"], 1.0),
+        (&[], &["ax", "ay"], 0.5),
     ] {
         let mut log = columns(7, put_in);
-        in_steps(&mut log, name, step, 1e9);
+        names.iter().for_each(|name| in_steps(&mut log, name, step, 1e9));
         let report = diagnose::found(&cleaned(log).unwrap(), &diagnose::singles()).report;
         let kind = if put_in.is_empty() { VerdictKind::None } else { VerdictKind::Effect };
-        assert_eq!(report.verdict.kind, kind, "{name}: {:?}", report.verdict);
+        assert_eq!(report.verdict.kind, kind, "{names:?}: {:?}", report.verdict);
         assert!(report.verdict.effects.iter().all(|effect| effect.id == put_in[0].0), "{:?}", report.verdict);
     }
 }

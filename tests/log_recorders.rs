@@ -406,3 +406,56 @@ fn a_receiver_that_drifts_and_jumps_back_is_left_out_for_that_time() {
         assert_eq!(verdict.effects[0].id, "steer_gain", "{verdict:?}");
     }
 }
+
+/// A row for each message of a bus, with the last values of all others: each column is sent every so many rows, some milliseconds late.
+fn forward_filled(columns: &Columns, every: &[(&'static str, usize, f64)]) -> Columns {
+    let mut messages: Vec<(f64, &'static str, f64)> = Vec::new();
+    for &(name, every, late) in every {
+        let rows = columns["time"].iter().zip(&columns[name]).step_by(every);
+        messages.extend(rows.map(|(time, value)| (time + late, name, *value)));
+    }
+    messages.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut last: BTreeMap<&'static str, f64> = every.iter().map(|(name, ..)| (*name, f64::NAN)).collect();
+    let mut filled = Columns::new();
+    for (time, name, value) in messages {
+        last.insert(name, value);
+        filled.entry("time").or_default().push(time);
+        last.iter().for_each(|(name, value)| filled.entry(name).or_default().push(*value));
+    }
+    filled
+}
+
+#[test]
+fn a_row_for_each_message_of_a_bus_is_read_by_time() {
+    let sound = drive();
+    let every = [
+        ("steer_cmd", 1, 0.0),
+        ("accel_cmd", 2, 0.0012),
+        ("steer", 1, 0.0024),
+        ("vx", 2, 0.0006),
+        ("yaw_rate", 1, 0.0018),
+        ("ay", 1, 0.0018),
+        ("ax", 1, 0.0018),
+        ("x", 5, 0.003),
+        ("y", 5, 0.003),
+        ("yaw", 5, 0.003),
+    ];
+    let log = cleaned(forward_filled(&sound, &every)).unwrap();
+    assert!(log.suspect().is_none(), "{:#?}", log.findings);
+    for (name, rate) in [("yaw_rate", 50.0), ("vx", 25.0), ("x", 10.0)] {
+        let words = said(&log.findings, name, FindingSeverity::Note);
+        assert!(words.contains(&format!("it comes {rate:.3} times a second")), "{name}: {words}");
+    }
+    // A row is at most 10 ms from one of the sound drive, and 3 ms late.
+    for (name, most) in [("yaw_rate", 0.02), ("vx", 0.1), ("x", 0.35), ("yaw", 0.02)] {
+        let rows = (0..log.time.len()).filter(|row| log.valid[*row]);
+        let apart = |row: usize| {
+            let place = (log.time[row] / 0.02).round() as usize;
+            sound[name].get(place).map_or(0.0, |value| (log.columns[name][row] - value).abs())
+        };
+        let largest = rows.map(apart).fold(0.0, f64::max);
+        assert!(largest < most, "{name}: {largest}");
+    }
+    let report = diagnose::found(&log, &diagnose::singles()).report;
+    assert_eq!(report.verdict.kind, VerdictKind::None, "{:?}", report.verdict);
+}

@@ -80,6 +80,8 @@ mod log_averaged;
 mod log_check;
 mod log_clean;
 mod log_coarse;
+mod log_commands;
+mod log_motion;
 mod log_rate;
 mod log_recorders;
 mod log_several_vehicles;

@@ -176,12 +176,14 @@ fn coarse<V>(problem: &Problem<V>, channel: Channel) -> f64 {
         driving.iter().flatten().map(|(coarse, size)| (by(*coarse) / size).powi(2)).sum::<f64>().sqrt()
     };
     let turned = share(&gathered) * size("yaw_rate");
+    // Along and across, each is a mixture of x and y.
+    let place = deviation("x").max(deviation("y"));
     match channel {
         Channel::Vx => deviation("vx"),
         Channel::Yaw => deviation("yaw").hypot(turned),
-        Channel::Along => gathered_of("vx"),
-        Channel::Across => size("vx") * LEAK * deviation("yaw").hypot(turned),
-        Channel::Ax => 0.0,
+        Channel::Along => gathered_of("vx").hypot(place),
+        Channel::Across => (size("vx") * LEAK * deviation("yaw").hypot(turned)).hypot(place),
+        Channel::Ax => deviation("ax"),
         Channel::Steer if drive.commanded => deviation("steer").hypot(deviation("steer_cmd")),
         _ => deviation(channel.name()).hypot(share(&|coarse| coarse.deviation) * size(channel.name())),
     }

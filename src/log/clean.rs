@@ -8,6 +8,7 @@ use super::averaged;
 use super::clean_log::{CleanError, CleanLog, Coarseness, LEAST_LENGTH, STANDING, UnusableLog};
 use super::clock::{self, Clock};
 use super::coarse;
+use super::copied;
 use super::description::describe;
 use super::even::on_even_clocks;
 use super::finding::{Finding, FindingSeverity};
@@ -20,6 +21,7 @@ use super::mixed;
 use super::outliers;
 use super::read::DriveLog;
 use super::resample::{Interpolation, SHORT, between};
+use super::reversing;
 use super::rows::{LogColumns, LogRows, WrongRows, bridge, hold};
 use super::saturated;
 use super::units::DEGREE;
@@ -101,7 +103,7 @@ pub(super) fn check(
             format!("{error}; a diagnosis does not ask the errors to the path"),
         );
     }
-    if !commanded {
+    if !log.commanded {
         let steer = log.columns["steer"].clone();
         log.columns.insert("steer_cmd", steer);
         let words = "there is no steer_cmd: the measured angle steer stands in, and nothing between command and sensor can be seen";
@@ -204,6 +206,7 @@ impl Read {
         let mut mended = LogRows {
             file: log,
             columns,
+            time,
             spans,
             spacing: drives[0].spacing,
             in_file: rows,
@@ -212,7 +215,8 @@ impl Read {
             coarse: BTreeMap::new(),
         };
         frozen::leave_out_speeds(&mut mended);
-        mend_turning(&time, &mut mended.columns, &mut factors, &mut mended.findings);
+        mend_turning(&mended.time, &mut mended.columns, &mut factors, &mut mended.findings);
+        copied::leave_out(&mut mended);
         averaged::leave_out(&mut mended);
         fill_in(&mut mended);
         leave_out_faults(&mut mended);
@@ -223,8 +227,10 @@ impl Read {
         agreement::mend_units(&mut log, &mut factors);
         without_seams(&mut log, &seams);
         leave_out_standing(&mut log)?;
+        reversing::leave_out(&mut log, steering);
         let seams = with_seams(&mut log, &drives);
         agreement::mend_steering(&mut log, &mut factors, steering);
+        agreement::leave_out_rests(&mut log, steering);
         without_seams(&mut log, &seams);
         let of = |factors: &Factors, name: &str| factors.get(name).copied().unwrap_or(1.0);
         for (name, coarse) in coarse {
@@ -454,15 +460,16 @@ fn way_factor(stamps: &[f64], columns: &LogColumns) -> Option<f64> {
 
 /// Yaw and yaw rate in radians, yaw continuous: before any row is interpolated.
 fn mend_turning(time: &[f64], columns: &mut LogColumns, factors: &mut Factors, findings: &mut Vec<Finding>) {
-    let mut multiply = |columns: &mut LogColumns, name: &'static str, by: f64, why: &str| {
+    let mut multiply = |columns: &mut LogColumns, name: &'static str, by: f64, why: &str, unit: &str| {
         *factors.entry(name).or_insert(1.0) *= by;
         if let Some(column) = columns.get_mut(name) {
             column.iter_mut().for_each(|value| *value *= by);
         }
-        let taken = if by == DEGREE {
-            "was taken as degrees and converted to radians"
+        let taken = if by < 1.0 {
+            format!("was taken as {unit} and converted to radians")
         } else {
             "was radians already, though the file names degrees or was converted twice; taken as radians"
+                .to_owned()
         };
         findings.push(Finding::new(FindingSeverity::Warning, Some(name), format!("{why}: {name} {taken}")));
     };
@@ -470,27 +477,22 @@ fn mend_turning(time: &[f64], columns: &mut LogColumns, factors: &mut Factors, f
         return;
     }
     if agreement::impossible_yaw_rate(&columns["vx"], &columns["yaw_rate"]) {
-        multiply(columns, "yaw_rate", DEGREE, "no vehicle turns as fast as yaw_rate says");
+        multiply(columns, "yaw_rate", DEGREE, "no vehicle turns as fast as yaw_rate says", "degrees");
     }
     let Some(yaw) = columns.get("yaw") else { return };
-    match agreement::turn_factor(time, yaw, &columns["yaw_rate"]).map(f64::abs) {
-        Some(factor) if agreement::near(factor * DEGREE, 1.0) => {
-            let why = "yaw changes 57 times as fast as yaw_rate says";
-            if agreement::is_yaw_rate_wrong(columns, DEGREE.recip()) {
-                multiply(columns, "yaw_rate", DEGREE.recip(), why);
-            } else {
-                multiply(columns, "yaw", DEGREE, why);
-            }
+    let factor = agreement::turn_factor(time, yaw, &columns["yaw_rate"]).map_or(1.0, f64::abs);
+    for (unit, named) in [(DEGREE, "degrees"), (0.01 * DEGREE, "hundredths of a degree")] {
+        let (small, large) = (agreement::near(factor * unit, 1.0), agreement::near(factor / unit, 1.0));
+        let (by, why) = match (small, large) {
+            (true, _) => (unit, format!("yaw changes {:.0} times as fast as yaw_rate says", unit.recip())),
+            (_, true) => (unit.recip(), format!("yaw_rate is {:.0} times the change of yaw", unit.recip())),
+            _ => continue,
+        };
+        if agreement::is_yaw_rate_wrong(columns, by.recip()) {
+            multiply(columns, "yaw_rate", by.recip(), &why, named);
+        } else {
+            multiply(columns, "yaw", by, &why, named);
         }
-        Some(factor) if agreement::near(factor / DEGREE, 1.0) => {
-            let why = "yaw_rate is 57 times the change of yaw";
-            if agreement::is_yaw_rate_wrong(columns, DEGREE) {
-                multiply(columns, "yaw_rate", DEGREE, why);
-            } else {
-                multiply(columns, "yaw", DEGREE.recip(), why);
-            }
-        }
-        _ => {}
     }
     let (mut turns, mut last, mut wraps) = (0.0, f64::NAN, 0_usize);
     for yaw in columns.get_mut("yaw").into_iter().flatten().filter(|yaw| yaw.is_finite()) {

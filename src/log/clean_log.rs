@@ -2,6 +2,7 @@
 
 use super::error::perhaps;
 use super::finding::{Finding, FindingSeverity};
+use super::kinematics;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -66,6 +67,12 @@ impl CleanLog {
         }
     }
 
+    /// Wheelbase that the turns show, m, and its standard error; a gain of the steering is in it.
+    #[must_use]
+    pub fn wheelbase_shown(&self) -> Option<(f64, f64)> {
+        kinematics::wheelbase(self)
+    }
+
     /// Notes a finding about a column.
     pub(super) fn find(&mut self, gravity: FindingSeverity, column: &str, words: String) {
         self.findings.push(Finding::new(gravity, Some(column), words));
@@ -101,7 +108,8 @@ pub enum CleanError {
     #[error("the log has {rows} rows with a time; a drive of at least {LEAST_LENGTH} s is needed")]
     NoRows { rows: usize },
     #[error(
-        "all {rows} rows have the same time; delete the column, and give the rate of the rows (--rate HZ)"
+        "all {rows} rows have the same time, as seconds since 1970 have in 32 bits or six digits; write them in full, or delete the column \
+         and give the rate of the rows (--rate HZ)"
     )]
     OneTime { rows: usize },
     #[error(
@@ -149,12 +157,8 @@ pub enum CleanError {
          of {column} (SI units and radians are needed)"
     )]
     Impossible { column: &'static str, row: usize, value: f64, count: usize },
-    #[error(
-        "{column} has the opposite sign of {against}{}; steering, yaw, yaw_rate and ay are all positive to the left: turn \
-         the sign of {column} (scripts/import_log.py can)",
-        if *tied { " (which of the two is wrong cannot be told from this log)" } else { ", and the other columns agree" }
-    )]
-    Sign { column: &'static str, against: &'static str, tied: bool },
+    #[error("{}", opposite(columns, against, *tied))]
+    Sign { columns: Vec<&'static str>, against: Vec<&'static str>, tied: bool },
     #[error("{words}")]
     Frame { words: &'static str },
     #[error(
@@ -164,4 +168,48 @@ pub enum CleanError {
         if *degrees { " and convert it to radians" } else { "" }
     )]
     SteeringWheel { column: &'static str, ratio: f64, degrees: bool },
+}
+
+/// Words on columns of the opposite sign: one advice for all of a frame.
+fn opposite(columns: &[&str], against: &[&str], tied: bool) -> String {
+    let first = against.first().copied().unwrap_or_default();
+    let along = columns.iter().all(|column| matches!(*column, "ax" | "accel_cmd" | "vx"));
+    let rule = if along {
+        "ax and accel_cmd are positive where the vehicle gets faster"
+    } else {
+        "steering, yaw, yaw_rate and ay are all positive to the left"
+    };
+    if let [column] = columns {
+        let which = if tied {
+            " (which of the two is wrong cannot be told from this log)"
+        } else {
+            ", and the other columns agree"
+        };
+        return format!(
+            "{column} has the opposite sign of {first}{which}; {rule}: turn the sign of {column} (scripts/import_log.py can)"
+        );
+    }
+    let is_steering = |columns: &[&str]| columns.iter().all(|column| column.starts_with("steer"));
+    let (all, others) = (listed(columns), listed(against));
+    let frame = if is_steering(columns) || is_steering(against) {
+        "the steering is positive to one side and the motion to the other, as in a frame with y to the right and z down".to_owned()
+    } else {
+        "a sensor or a frame with y to the right and z down".to_owned()
+    };
+    let turn = if tied {
+        format!("turn the signs of all of one group, {all} or {others}")
+    } else {
+        format!("turn the signs of all of {all}")
+    };
+    format!(
+        "{all} have the opposite sign of {others}: {frame}? Here x is forward, y to the left and z up (ISO 8855), and {rule}: {turn} (scripts/import_log.py can)"
+    )
+}
+
+fn listed(names: &[&str]) -> String {
+    match names {
+        [] => String::new(),
+        [one] => (*one).to_owned(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
 }

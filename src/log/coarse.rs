@@ -18,8 +18,21 @@ use crate::numerics::statistics::median;
 use std::ops::Range;
 
 /// Columns whose motion goes on between the steps of their numbers.
-const COLUMNS: [&str; 9] =
-    [COMMAND, "vx", "vy", "yaw", "yaw_rate", "steer", "roll", "articulation", "articulation_rate"];
+const COLUMNS: [&str; 13] = [
+    COMMAND,
+    "x",
+    "y",
+    "vx",
+    "vy",
+    "yaw",
+    "yaw_rate",
+    "ax",
+    "ay",
+    "steer",
+    "roll",
+    "articulation",
+    "articulation_rate",
+];
 const COMMAND: &str = "steer_cmd";
 /// Fewest steps that tell a resolution.
 const FEWEST: usize = 20;

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Time that the simulator needs after a gap to catch up with the vehicle, s.
-const SETTLING: f64 = 1.0;
+pub(super) const SETTLING: f64 = 1.0;
 /// Signals without which nothing can be compared.
 const NEEDED: [&str; 4] = ["steer_cmd", "steer", "vx", "yaw_rate"];
 /// Signals that may be constant.

@@ -5,9 +5,11 @@
 //! second is up to a second late; on straight lines, fast motion is cut off.
 //!
 //! ```text
-//!     held, every k rows:     v[i] - v[i - 1] differs from 0 every k, 2 k, ... rows only
-//!     straight, every k rows: v[i + 1] - 2 v[i] + v[i - 1] the same
+//!     held, every T seconds:  v[i] - v[i - 1] differs from 0 every T, 2 T, ... only
+//!     straight, every k rows: v[i + 1] - 2 v[i] + v[i - 1] differs from 0 every k, 2 k, ... rows only
 //! ```
+//!
+//! Time counts, not rows: a recorder of a bus may write a row for each message, with the last values of all others.
 //!
 //! A coarse number rests for some rows as well, but changes by one step of its resolution, and not on the beat.
 
@@ -36,6 +38,8 @@ const SENSORS: [&str; 14] = [
 ];
 /// Share of changes that lie on the beat.
 const ON_BEAT: f64 = 0.9;
+/// Time by which a change may be early or late, as a share of a beat: one row of six.
+const EARLY: f64 = 0.17;
 /// Fewest changes that tell a beat.
 const FEWEST: usize = 20;
 /// Slowest beat in s.
@@ -52,11 +56,11 @@ const RARE: f64 = 0.1;
 
 /// Lays lines between samples instead of repeated values; what comes too slowly for that is left out between them.
 pub(super) fn mend(log: &mut LogRows) {
-    let longest = (SLOWEST / log.spacing) as usize;
     for name in SENSORS {
+        let (time, spacing) = (&log.time, log.spacing);
         let Some(values) = log.columns.get_mut(name) else { continue };
-        let Some(samples) = Samples::of(values, &log.spans, longest) else { continue };
-        let apart = log.spacing * samples.beat as f64;
+        let Some(samples) = Samples::of(values, time, &log.spans, spacing) else { continue };
+        let apart = samples.apart;
         let is_slow = apart > if name == "vx" { SLOWEST } else { SHORT };
         // Quick lines are what a hole would be filled with.
         if !samples.held && !is_slow {
@@ -65,19 +69,19 @@ pub(super) fn mend(log: &mut LogRows) {
         let words = format!(
             "{name} {} about {} rows: it comes {:.3} times a second; {}",
             if samples.held { "repeats each value for" } else { "lies on straight lines of" },
-            samples.beat,
+            (apart / spacing).round(),
             1.0 / apart,
             if is_slow { "too slowly to be compared" } else { "values between are laid on lines" }
         );
         if is_slow {
-            let between: Vec<usize> = samples.pairs().flat_map(|(from, to)| from + 1..to).collect();
+            let between: Vec<usize> = samples.pairs(time).flat_map(|(from, to)| from + 1..to).collect();
             log.leave_out(name, between);
             log.find(FindingSeverity::Warning, name, words);
             continue;
         }
-        for (from, to) in samples.pairs() {
-            let slope = (values[to] - values[from]) / (to - from) as f64;
-            (from + 1..to).for_each(|row| values[row] = values[from] + slope * (row - from) as f64);
+        for (from, to) in samples.pairs(time) {
+            let slope = (values[to] - values[from]) / (time[to] - time[from]);
+            (from + 1..to).for_each(|row| values[row] = values[from] + slope * (time[row] - time[from]));
         }
         let ends: Vec<usize> = samples
             .rows
@@ -92,8 +96,8 @@ pub(super) fn mend(log: &mut LogRows) {
 
 /// Samples in a column that is filled in between.
 struct Samples {
-    /// Rows from one to the next, about.
-    beat: usize,
+    /// Time from one to the next, about, s.
+    apart: f64,
     /// True if each is repeated up to the next; else lines are laid.
     held: bool,
     /// Their rows, in each span.
@@ -101,44 +105,43 @@ struct Samples {
 }
 
 impl Samples {
-    /// Samples at most `longest` rows apart; `None` if each row is one.
-    fn of(values: &[f64], spans: &[Range<usize>], longest: usize) -> Option<Self> {
+    /// Samples at most [`SLOWEST`] apart; `None` if each row is one.
+    fn of(values: &[f64], time: &[f64], spans: &[Range<usize>], spacing: f64) -> Option<Self> {
         let rows = |is_sample: &dyn Fn(usize, usize) -> bool| {
             let of_span =
                 |span: &Range<usize>| span.clone().filter(|&row| is_sample(row, span.start)).collect();
             spans.iter().map(of_span).collect()
         };
-        if let Some(beat) = beat_of_holding(values, spans).filter(|beat| *beat <= longest) {
+        if let Some(apart) = beat_of_holding(values, time, spans, spacing).filter(|apart| *apart <= SLOWEST) {
             let is_new = |row: usize, start: usize| row == start || values[row] != values[row - 1];
-            return Some(Self { beat, held: true, rows: rows(&is_new) });
+            return Some(Self { apart, held: true, rows: rows(&is_new) });
         }
-        let (beat, knot) = beat_of_lines(&[values], longest)?;
-        Some(Self { beat, held: false, rows: rows(&|row, _| row % beat == knot) })
+        let (beat, knot) = beat_of_lines(&[values], (SLOWEST / spacing) as usize)?;
+        Some(Self { apart: spacing * beat as f64, held: false, rows: rows(&|row, _| row % beat == knot) })
     }
 
     /// Neighbouring samples. Of those that are farther apart the later ones have measured the same: it rested.
-    fn pairs(&self) -> impl Iterator<Item = (usize, usize)> {
-        let most = self.beat + early(self.beat);
+    fn pairs<'a>(&'a self, time: &'a [f64]) -> impl Iterator<Item = (usize, usize)> + 'a {
+        let most = (1.0 + EARLY) * self.apart;
         self.rows.iter().flat_map(move |rows| {
-            rows.windows(2).map(move |pair| (pair[0].max(pair[1].saturating_sub(most)), pair[1]))
+            rows.windows(2).map(move |pair| {
+                let (from, to) = (pair[0], pair[1]);
+                let rested = time[from..to].partition_point(|since| time[to] - since > most);
+                (from + rested.min(to - from - 1), to)
+            })
         })
     }
 }
 
-/// Rows by which a beat that is no whole number of rows comes early or late.
-fn early(beat: usize) -> usize {
-    usize::from(beat >= 6)
-}
-
-/// Rows for which a column holds each of its values; `None` if it does not.
-fn beat_of_holding(values: &[f64], spans: &[Range<usize>]) -> Option<usize> {
+/// Time from one value to the next of a column that holds each, s; `None` if it does not.
+fn beat_of_holding(values: &[f64], time: &[f64], spans: &[Range<usize>], spacing: f64) -> Option<f64> {
     let (mut apart, mut sizes) = (Vec::new(), Vec::new());
     for span in spans {
         let mut last = None;
         for row in span.clone().skip(1) {
             let change = (values[row] - values[row - 1]).abs();
             if change != 0.0 && change.is_finite() {
-                apart.extend(last.map(|last: usize| row - last));
+                apart.extend(last.map(|last: usize| time[row] - time[last]));
                 last = Some(row);
                 sizes.push(change);
             }
@@ -147,7 +150,7 @@ fn beat_of_holding(values: &[f64], spans: &[Range<usize>]) -> Option<usize> {
     if apart.len() < FEWEST {
         return None;
     }
-    let beat = median(apart.iter().map(|rows| *rows as f64).collect())? as usize;
+    let beat = median(apart.clone())?;
     let resolution = sizes.iter().copied().fold(f64::INFINITY, f64::min);
     let is_even = |size: &&f64| {
         let steps = **size / resolution;
@@ -156,16 +159,21 @@ fn beat_of_holding(values: &[f64], spans: &[Range<usize>]) -> Option<usize> {
     if 2 * sizes.iter().filter(is_even).count() > sizes.len() {
         return None;
     }
-    let off = |rows: usize| (rows % beat).min(beat - rows % beat);
-    let on_beat = apart.iter().filter(|rows| off(**rows) <= early(beat)).count();
-    (beat > 1 && on_beat as f64 >= ON_BEAT * apart.len() as f64).then_some(beat)
+    let is_on = |apart: &&f64| {
+        let beats = **apart / beat;
+        beats > 0.5 && (beats - beats.round()).abs() <= EARLY
+    };
+    let on_beat = apart.iter().filter(is_on).count();
+    (beat > 1.5 * spacing && on_beat as f64 >= ON_BEAT * apart.len() as f64).then_some(beat)
 }
 
 /// Rows from sample to sample, and the first one, of a log whose rows between repeat them, in all `columns` alike.
 pub(super) fn beat_of_repeats(columns: &[&[f64]]) -> Option<(usize, usize)> {
     let mut found = None;
     for values in columns {
-        let beat = beat_of_holding(values, std::slice::from_ref(&(0..values.len())))?;
+        let rows: Vec<f64> = (0..values.len()).map(|row| row as f64).collect();
+        let beat =
+            beat_of_holding(values, &rows, std::slice::from_ref(&(0..values.len())), 1.0)?.round() as usize;
         let mut changes = vec![0_usize; beat];
         (1..values.len())
             .filter(|&row| values[row] != values[row - 1])
@@ -245,7 +253,9 @@ mod tests {
     }
 
     fn beat_of(values: &[f64]) -> Option<usize> {
-        beat_of_holding(values, std::slice::from_ref(&(0..values.len())))
+        let rows: Vec<f64> = (0..values.len()).map(|row| row as f64).collect();
+        beat_of_holding(values, &rows, std::slice::from_ref(&(0..values.len())), 1.0)
+            .map(|beat| beat.round() as usize)
     }
 
     #[test]
@@ -278,9 +288,27 @@ mod tests {
         let mut resting = held(&wave(1000), 5.0);
         let value = resting[300];
         resting[300..500].fill(value);
-        let samples = Samples::of(&resting, std::slice::from_ref(&(0..1000)), 100).unwrap();
-        assert!(samples.held && samples.pairs().all(|(from, to)| to - from == 5));
-        assert!(samples.pairs().any(|pair| pair == (495, 500)));
+        let time: Vec<f64> = (0..1000).map(|row| 0.02 * f64::from(row)).collect();
+        let samples = Samples::of(&resting, &time, std::slice::from_ref(&(0..1000)), 0.02).unwrap();
+        assert!(samples.held && samples.pairs(&time).all(|(from, to)| to - from == 5));
+        assert!(samples.pairs(&time).any(|pair| pair == (495, 500)));
+    }
+
+    #[test]
+    fn a_row_for_each_message_is_no_sample_of_each_column() {
+        // Two messages of 20 and 100 ms and a third of random times, each a row with the last values of all.
+        let fine = wave(4000);
+        let mut random = crate::numerics::Random::new(4);
+        let mut events: Vec<f64> = (0..2000).map(|i| 0.02 * f64::from(i)).collect();
+        events.extend((0..400).map(|i| 0.1 * f64::from(i) + 0.003));
+        events.extend((0..3000).map(|_| 40.0 * random.uniform()));
+        events.sort_by(f64::total_cmp);
+        let quick: Vec<f64> = events.iter().map(|time| fine[(50.0 * time + 1e-6) as usize]).collect();
+        let spacing = median(events.windows(2).map(|pair| pair[1] - pair[0]).collect()).unwrap();
+        let whole = std::iter::once(0..events.len()).collect::<Vec<_>>();
+        let samples = Samples::of(&quick, &events, &whole, spacing).unwrap();
+        assert!(samples.held && (samples.apart - 0.02).abs() < 1e-9, "{}", samples.apart);
+        assert!(samples.pairs(&events).all(|(from, to)| (events[to] - events[from] - 0.02).abs() < 1e-9));
     }
 
     #[test]

@@ -65,11 +65,22 @@ fn by_place(log: &CleanLog) -> Option<f64> {
 pub(super) fn ax_factor(log: &CleanLog) -> Option<Told> {
     let (vx, ax) = (log.columns.get("vx")?, log.columns.get("ax")?);
     let spans = Spans::of(log);
-    let zero = vec![0.0; vx.len()];
-    let [vy, rate] = ["vy", "yaw_rate"].map(|name| log.columns.get(name).unwrap_or(&zero));
-    let (faster, turning) = (spans.changes(|i| vx[i]), spans.integrals(|i| vy[i] * rate[i]));
-    let rows: Vec<[f64; 3]> = (0..spans.count()).map(|k| [faster[k], 1.0, turning[k]]).collect();
+    let (faster, [sliding, outward]) = (spans.changes(|i| vx[i]), turning(log, &spans));
+    let rows: Vec<[f64; 4]> = (0..spans.count()).map(|k| [faster[k], 1.0, sliding[k], outward[k]]).collect();
     first_coefficient(&spans.integrals(|i| ax[i]), &rows).map(|factor| ("vx", factor))
+}
+
+/// Integrals of `vy yaw_rate`, the part of the acceleration along a body that turns. Without `vy` those of the two parts of steady
+/// cornering, of any size: `vy = (b - K vx^2) yaw_rate`.
+fn turning(log: &CleanLog, spans: &Spans<'_>) -> [Vec<f64>; 2] {
+    let none = || vec![0.0; spans.count()];
+    match ["vx", "vy", "yaw_rate"].map(|name| log.columns.get(name)) {
+        [_, Some(vy), Some(rate)] => [spans.integrals(|i| vy[i] * rate[i]), none()],
+        [Some(vx), None, Some(rate)] => {
+            [spans.integrals(|i| rate[i].powi(2)), spans.integrals(|i| (vx[i] * rate[i]).powi(2))]
+        }
+        _ => [none(), none()],
+    }
 }
 
 /// Angle by which yaw is less than the course of x and y says, rad, and its standard error: without `vy` nothing tells it from the slip.
@@ -95,6 +106,33 @@ pub(super) fn yaw_offset(log: &CleanLog) -> Option<(f64, f64)> {
         rows.push([1.0, turns[k] / way.max(LEAST_WAY)]);
     }
     first_coefficient_within(&angles, &rows)
+}
+
+/// Least way from the rear axle to the point whose course stands for yaw, m, and in standard errors.
+const LEVER: f64 = 0.3;
+const SURE_LEVER: f64 = 5.0;
+/// Least amount by which a sideslip leaves less than a lateness, in variances.
+const BETTER: f64 = 25.0;
+
+/// Way from the rear axle forward to the point whose course, with its sideslip, stands for yaw, m; `None` if yaw is a heading.
+///
+/// ```text
+///     d(yaw) = g int yaw_rate dt + b d(yaw_rate / vx) - K d(vx yaw_rate) + c dt        a course: steady cornering's sideslip
+///     d(yaw) = g int yaw_rate dt + tau d(yaw_rate) + c dt                              a heading, one of the two late
+/// ```
+pub(super) fn course_as_yaw(log: &CleanLog) -> Option<f64> {
+    let [yaw, rate, vx] = ["yaw", "yaw_rate", "vx"].map(|name| log.columns.get(name));
+    let (yaw, rate, vx) = (yaw?, rate?, vx?);
+    let spans = Spans::of(log);
+    let (turned, faster) = (spans.integrals(|i| rate[i]), spans.changes(|i| rate[i]));
+    let (bend, outward) = (spans.changes(|i| rate[i] / vx[i]), spans.changes(|i| rate[i] * vx[i]));
+    let course: Vec<[f64; 4]> = (0..spans.count()).map(|k| [bend[k], -outward[k], turned[k], 1.0]).collect();
+    let heading: Vec<[f64; 3]> = (0..spans.count()).map(|k| [faster[k], turned[k], 1.0]).collect();
+    let changes = spans.changes(|i| yaw[i]);
+    let (course, heading) = (Fit::of(&changes, &course)?, Fit::of(&changes, &heading)?);
+    let (lever, softness) = (course.solution[0], *course.solution.get(1)?);
+    let is_sure = lever > LEVER && lever > SURE_LEVER * course.error && softness > 0.0;
+    (is_sure && heading.left - course.left > BETTER * course.variance()).then_some(lever)
 }
 
 /// Time by which the yaw rate comes later than the yaw angle tells, s, and its standard error.
@@ -127,12 +165,11 @@ pub(super) fn drift_factor(log: &CleanLog) -> Option<f64> {
 /// Time by which the speed comes later than the acceleration tells, s, and its standard error.
 pub(super) fn vx_late(log: &CleanLog) -> Option<(f64, f64)> {
     let (vx, ax) = (log.columns.get("vx")?, log.columns.get("ax")?);
-    let zero = vec![0.0; vx.len()];
-    let [vy, rate] = ["vy", "yaw_rate"].map(|name| log.columns.get(name).unwrap_or(&zero));
     let spans = Spans::of(log);
     let (quicker, faster) = (spans.changes(|i| ax[i]), spans.changes(|i| vx[i]));
-    let turning = spans.integrals(|i| vy[i] * rate[i]);
-    let rows: Vec<[f64; 4]> = (0..spans.count()).map(|k| [quicker[k], faster[k], turning[k], 1.0]).collect();
+    let [sliding, outward] = turning(log, &spans);
+    let rows: Vec<[f64; 5]> =
+        (0..spans.count()).map(|k| [quicker[k], faster[k], sliding[k], outward[k], 1.0]).collect();
     first_coefficient_within(&spans.integrals(|i| ax[i]), &rows)
 }
 
@@ -174,12 +211,26 @@ pub(super) fn place_late(log: &CleanLog) -> Option<(f64, f64)> {
         let (own, other) = if is_x { (0, 1) } else { (1, 0) };
         let (along, across) = if is_x { (&cos, &sin) } else { (&sin, &cos) };
         let side = if is_x { -1.0 } else { 1.0 };
-        rows.extend(
-            (0..spans.count())
-                .map(|k| [-changes[own][k], ways[own][k], side * ways[other][k], along[k], side * across[k]]),
-        );
+        let slid = spans.integrals(|i| slip[i] * if is_x { -yaw[i].sin() } else { yaw[i].cos() });
+        rows.extend((0..spans.count()).map(|k| {
+            [-changes[own][k], ways[own][k], side * ways[other][k], along[k], side * across[k], slid[k]]
+        }));
     }
     first_coefficient_within(&targets, &rows)
+}
+
+/// Wheelbase that the turns show, m, and its standard error, with a steering that is right.
+///
+/// ```text
+///     d(steer) = L d(yaw_rate / vx) + K d(vx yaw_rate) + c dt
+/// ```
+pub(super) fn wheelbase(log: &CleanLog) -> Option<(f64, f64)> {
+    let [steer, vx, rate] = ["steer", "vx", "yaw_rate"].map(|name| log.columns.get(name));
+    let (steer, vx, rate) = (steer.or_else(|| log.columns.get("steer_cmd"))?, vx?, rate?);
+    let spans = Spans::of(log);
+    let (bend, outward) = (spans.changes(|i| rate[i] / vx[i]), spans.changes(|i| rate[i] * vx[i]));
+    let rows: Vec<[f64; 3]> = (0..spans.count()).map(|k| [bend[k], outward[k], 1.0]).collect();
+    first_coefficient_within(&spans.changes(|i| steer[i]), &rows)
 }
 
 /// Pairs of neighbouring stretches of a log.
@@ -241,16 +292,43 @@ fn first_coefficient<const N: usize>(targets: &[f64], rows: &[[f64; N]]) -> Opti
 
 /// That coefficient and its standard error.
 fn first_coefficient_within<const N: usize>(targets: &[f64], rows: &[[f64; N]]) -> Option<(f64, f64)> {
-    let finite = |(target, row): &(&f64, &[f64; N])| target.is_finite() && row.iter().all(|v| v.is_finite());
-    let kept: Vec<_> = targets.iter().zip(rows).filter(finite).collect();
-    if kept.len() < 10 * N {
-        return None;
+    Fit::of(targets, rows).map(|fit| (fit.solution[0], fit.error))
+}
+
+/// A least-squares fit.
+struct Fit {
+    /// Coefficients of the columns that are not nothing.
+    solution: DVector<f64>,
+    /// Standard error of the first.
+    error: f64,
+    /// Sum of the squares that it leaves, and their number less that of the coefficients.
+    left: f64,
+    freedom: usize,
+}
+
+impl Fit {
+    fn of<const N: usize>(targets: &[f64], rows: &[[f64; N]]) -> Option<Self> {
+        let finite =
+            |(target, row): &(&f64, &[f64; N])| target.is_finite() && row.iter().all(|v| v.is_finite());
+        let kept: Vec<_> = targets.iter().zip(rows).filter(finite).collect();
+        if kept.len() < 10 * N {
+            return None;
+        }
+        // A column of nothing tells nothing, and leaves the others to tell.
+        let told: Vec<usize> = (0..N).filter(|&j| kept.iter().any(|(_, row)| row[j] != 0.0)).collect();
+        if told.first() != Some(&0) {
+            return None;
+        }
+        let matrix = DMatrix::from_fn(kept.len(), told.len(), |i, j| kept[i].1[told[j]]);
+        let target = DVector::from_iterator(kept.len(), kept.iter().map(|(target, _)| **target));
+        let inverse = (matrix.transpose() * &matrix).try_inverse()?;
+        let solution = &inverse * matrix.transpose() * &target;
+        let left = (&target - matrix * &solution).norm_squared();
+        let fit = Self { solution, error: 0.0, left, freedom: kept.len() - N };
+        Some(Self { error: (fit.variance() * inverse[(0, 0)]).sqrt(), ..fit })
     }
-    let matrix = DMatrix::from_fn(kept.len(), N, |i, j| kept[i].1[j]);
-    let target = DVector::from_iterator(kept.len(), kept.iter().map(|(target, _)| **target));
-    let inverse = (matrix.transpose() * &matrix).try_inverse()?;
-    let solution = &inverse * matrix.transpose() * &target;
-    let left = &target - matrix * &solution;
-    let variance = left.norm_squared() / (kept.len() - N) as f64;
-    Some((solution[0], (variance * inverse[(0, 0)]).sqrt()))
+
+    fn variance(&self) -> f64 {
+        self.left / self.freedom as f64
+    }
 }

@@ -30,6 +30,8 @@
 //! | `mixed.rs` | rows of two recordings in turn |
 //! | `differences.rs` | noise by third differences |
 //! | `averaged.rs` | steering that a logging tool has smoothed |
+//! | `copied.rs` | an angle that is the command, written a second time |
+//! | `reversing.rs` | driving backwards with a speed without a sign |
 //! | `jumps.rs` | places where rows are missing, or another drive begins, without a word from the clock |
 //! | `kinematics.rs` | velocity across and acceleration along the body, told by other columns |
 //! | `late.rs` | columns that come later than others |
@@ -46,6 +48,7 @@ mod clean;
 mod clean_log;
 mod clock;
 mod coarse;
+mod copied;
 mod description;
 mod differences;
 mod error;
@@ -63,6 +66,7 @@ mod only;
 mod outliers;
 mod read;
 mod resample;
+mod reversing;
 mod road;
 mod rows;
 mod saturated;

@@ -67,6 +67,8 @@ pub(super) struct LogRows<'a> {
     pub file: &'a LogColumns,
     /// Columns, one drive after the other.
     pub columns: LogColumns,
+    /// Time of each row, s.
+    pub time: Vec<f64>,
     /// The drives: stretches without a break.
     pub spans: Vec<Range<usize>>,
     /// Usual time from row to row, s.

@@ -9,6 +9,7 @@ use super::averaged;
 use super::clean::{fill_in, leave_out_faults};
 use super::clean_log::{CleanError, CleanLog, Coarseness, UnusableLog};
 use super::clock;
+use super::copied;
 use super::finding::{Finding, FindingSeverity};
 use super::join::JUMP;
 use super::outliers;
@@ -70,6 +71,7 @@ impl SteeringLog {
                     let mut rows = LogRows {
                         file: &columns,
                         columns: columns.iter().map(of).collect(),
+                        time: clock.time.clone(),
                         spans: std::iter::once(0..in_file.len()).collect(),
                         spacing: clock.spacing,
                         in_file,
@@ -77,7 +79,7 @@ impl SteeringLog {
                         left_out: WrongRows::new(),
                         coarse: BTreeMap::new(),
                     };
-                    if let Some(words) = averaged::contradiction(&rows) {
+                    if let Some(words) = copied::copy(&rows).or_else(|| averaged::contradiction(&rows)) {
                         return Err(unusable(CleanError::Suspect { words }));
                     }
                     fill_in(&mut rows);

@@ -1,5 +1,6 @@
 //! Columns in foreign units, told by their relations to others: converted.
 
+use super::commands::driven;
 use super::ratios::{
     LEANING, Leaning, SLIGHT, STEEP, bend, blocks, change_over, errors, gravity, lateral, near,
     station_factor, steered, turning, way, winding,
@@ -109,6 +110,13 @@ fn mend_others(log: &mut CleanLog, factors: &mut Factors, speed: LogUnit, accele
             convert(log, factors, acceleration, &["ax"], "ax is in the unit of ay");
         }
         _ => {}
+    }
+    let asked = driven(log).filter(|(_, slope)| slope.explained > 0.8);
+    let unit = asked.and_then(|(_, slope)| units::foreign(1.0 / slope.factor, &sized(ACCELERATIONS)));
+    if let (Some((by, slope)), Some(unit)) = (asked, unit) {
+        let words =
+            format!("accel_cmd is {:.3} times the acceleration that {by} tells", 1.0 / slope.factor.abs());
+        convert(log, factors, unit, &["accel_cmd"], &words);
     }
 }
 

@@ -10,12 +10,15 @@
 //! |---|---|
 //! | `ratios.rs` | ratios among columns |
 //! | `convert.rs` | units |
+//! | `commands.rs` | commands beside what the vehicle does |
 //! | `signs.rs` | signs, frames, and ratios that no unit explains |
 
+mod commands;
 mod convert;
 mod ratios;
 mod signs;
 
+pub(super) use commands::leave_out_rests;
 pub(super) use convert::{Factors, mend_steering, mend_units};
 pub(super) use ratios::{impossible_yaw_rate, is_yaw_rate_wrong, near, turn_factor, way_factor};
 pub(super) use signs::{check, check_errors};

@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 
 /// Rows farther apart in time belong to two drives, s.
 const ANOTHER_DRIVE: f64 = 9.9;
-/// A larger change of yaw from row to row is its wrapping.
-const WRAP: f64 = 3.0;
+/// A larger change of yaw from row to row, as a share of its range in whatever unit, is its wrapping.
+const WRAP: f64 = 0.5;
 /// Lateral accelerations that no vehicle on a road reaches, m/s2.
 const IMPOSSIBLE: f64 = 40.0;
 /// Lateral acceleration in turns that are none, m/s2: a 57th of what any vehicle can.
@@ -27,13 +27,15 @@ pub(super) const BLOCK: f64 = 0.5;
 /// Ratio of the change of yaw to that of yaw rate's integral; `None` where the two hardly correlate, as without turns.
 /// Compared over spans of time: from row to row noise exceeds the changes.
 pub(in crate::log) fn turn_factor(time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -> Option<f64> {
+    let range = |share: f64| quantile(yaw.iter().copied().filter(|yaw| yaw.is_finite()).collect(), share);
+    let wrap = WRAP * (range(0.99)? - range(0.01)?);
     let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
     let (mut since, mut asked, mut turned) = (0.0, 0.0, 0.0);
     for i in 1..time.len() {
         let step = time[i] - time[i - 1];
         let (by_rate, by_yaw) = (0.5 * (yaw_rate[i - 1] + yaw_rate[i]) * step, yaw[i] - yaw[i - 1]);
         // Not a number compares as neither.
-        if by_yaw.abs() < WRAP && by_rate.is_finite() && step < ANOTHER_DRIVE {
+        if by_yaw.abs() < wrap && by_rate.is_finite() && step < ANOTHER_DRIVE {
             (since, asked, turned) = (since + step, asked + by_rate, turned + by_yaw);
         }
         if since >= BLOCK {

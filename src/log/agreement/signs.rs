@@ -1,5 +1,6 @@
 //! Signs, frames and ratios that no unit explains: refused, or suspect.
 
+use super::commands::{ASKED, driven};
 use super::ratios::{
     Errors, STEEP, bend, course, errors, gravity, lateral, steered, turn_factor, way, winding,
 };
@@ -69,6 +70,8 @@ struct Motion {
     across: Option<Told>,
     /// ax over the change of vx.
     along: Option<Told>,
+    /// The acceleration over the asked one.
+    driven: Option<Told>,
 }
 
 impl Motion {
@@ -91,6 +94,7 @@ impl Motion {
             lateral: lateral(log).map(|slope| slope.factor),
             across: kinematics::vy_factor(log),
             along: kinematics::ax_factor(log),
+            driven: driven(log).map(|(by, slope)| (by, slope.factor)),
         }
     }
 
@@ -116,7 +120,8 @@ impl Motion {
     }
 
     /// Columns that should have one sign, and the factor between them.
-    fn pairs(&self, log: &CleanLog) -> [SignPair; 7] {
+    fn pairs(&self, log: &CleanLog) -> [SignPair; 8] {
+        let by_accelerometer = self.across.is_some_and(|(by, _)| by == "ay");
         [
             ("yaw", "yaw_rate", self.turn),
             ("y", "yaw", self.course),
@@ -124,8 +129,10 @@ impl Motion {
             ("steer_cmd", "yaw_rate", self.steered[0].filter(|_| log.commanded)),
             ("steer", "yaw_rate", self.steered[1]),
             ("ay", "yaw_rate", self.lateral),
-            ("vy", self.across.map_or("y", |(by, _)| by), self.across.map(|(_, factor)| factor)),
+            // By the accelerometer: `ay` less the change of vy is `vx yaw_rate`.
+            ("vy", if by_accelerometer { "yaw_rate" } else { "y" }, self.across.map(|(_, factor)| factor)),
             ("ax", "vx", self.along.map(|(_, factor)| factor)),
+            ("accel_cmd", self.driven.map_or("vx", |(by, _)| by), self.driven.map(|(_, factor)| factor)),
         ]
     }
 }
@@ -145,7 +152,7 @@ pub(in crate::log) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -
         return Err(CleanError::Frame { words });
     }
     check_signs(&motion.pairs(log))?;
-    let Motion { turn, course, apart, steered, lateral, along, .. } = motion;
+    let Motion { turn, course, apart, steered, lateral, along, driven, .. } = motion;
     let contradicts = |factor: &f64| !(0.4..2.5).contains(factor);
     if let Some(factor) = lateral.filter(contradicts) {
         let words = format!("ay is {factor:.2} times vx * yaw_rate: its unit, or that of vx, is another one");
@@ -189,6 +196,24 @@ pub(in crate::log) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -
     }
     if let Some(words) = motion_of_clock(log, turn, along) {
         log.find(FindingSeverity::Suspicion, "time", words);
+    }
+    if let Some((by, factor)) = driven.filter(|(_, factor)| !ASKED.contains(factor)) {
+        let words = format!(
+            "accel_cmd is {:.3} times the acceleration that {by} tells: a torque, a force, a pedal or per cent? It is left out; give the \
+             asked acceleration in m/s2",
+            1.0 / factor
+        );
+        log.columns.remove("accel_cmd");
+        log.find(FindingSeverity::Warning, "accel_cmd", words);
+    }
+    if let Some(lever) = kinematics::course_as_yaw(log) {
+        let words = format!(
+            "yaw turns before yaw_rate, as the course of a point {lever:.1} m before the rear axle does: it has the sideslip in it, and is \
+             left out; give the heading of the body"
+        );
+        log.columns.remove("yaw");
+        log.find(FindingSeverity::Warning, "yaw", words);
+        return Ok(());
     }
     let off = kinematics::yaw_offset(log)
         .filter(|(angle, error)| angle.abs() > OFFSET && *error < SURE_OFFSET)
@@ -234,28 +259,53 @@ fn motion_of_clock(log: &CleanLog, turn: Option<f64>, along: Option<Told>) -> Op
 /// Two columns that should have one sign, and the factor between them.
 type SignPair = (&'static str, &'static str, Option<f64>);
 
-/// Finds the column whose sign contradicts the others.
+/// Finds the columns whose sign contradicts the others.
+///
+/// Relations with a positive factor join columns of one handedness, those with a negative one columns of two. Of two groups that
+/// are connected, the smaller one is wrong: a turned column, or all of a sensor, or of a frame.
 fn check_signs(pairs: &[SignPair]) -> Result<(), CleanError> {
-    // Whoever contradicts more columns than it agrees with is the one.
-    let score = |column: &str| {
-        let of = pairs.iter().filter(|(a, b, _)| *a == column || *b == column);
-        of.filter_map(|(_, _, factor)| *factor).map(|factor| if factor < 0.0 { 1 } else { -1 }).sum::<i32>()
+    let told: Vec<(&'static str, &'static str, f64)> =
+        pairs.iter().filter_map(|&(one, other, factor)| Some((one, other, factor?))).collect();
+    let Some(&(named, against, _)) = told.iter().find(|(_, _, factor)| *factor < 0.0) else { return Ok(()) };
+    let mut sides: Vec<(&'static str, bool)> = vec![(named, true)];
+    let mut next = 0;
+    while let Some(&(column, side)) = sides.get(next) {
+        for &(one, other, factor) in told.iter().filter(|(one, other, _)| *one == column || *other == column)
+        {
+            let neighbour = if one == column { other } else { one };
+            if sides.iter().all(|(known, _)| *known != neighbour) {
+                sides.push((neighbour, side == (factor > 0.0)));
+            }
+        }
+        next += 1;
+    }
+    let of = |wanted: bool| -> Vec<&'static str> {
+        sides.iter().filter(|(_, side)| *side == wanted).map(|(column, _)| *column).collect()
     };
-    let against = pairs.iter().filter(|(_, _, factor)| factor.is_some_and(|factor| factor < 0.0));
-    let scored = against.map(|&(one, other, _)| (one, other, score(one) - score(other)));
-    // The first of equals.
-    let Some((one, other, more)) = scored.rev().max_by_key(|(_, _, more)| more.abs()) else { return Ok(()) };
-    let (column, against) = if more < 0 { (other, one) } else { (one, other) };
-    Err(CleanError::Sign { column, against, tied: more == 0 })
+    let (mine, others) = (of(true), of(false));
+    let tied = mine.len() == others.len();
+    // Of two equal groups that of the first relation is named.
+    let (columns, against) = match mine.len() > others.len() {
+        true => (others, named_first(mine, named)),
+        false => (mine, named_first(others, against)),
+    };
+    Err(CleanError::Sign { columns, against, tied })
+}
+
+/// Columns with one of them first.
+fn named_first(columns: Vec<&'static str>, first: &'static str) -> Vec<&'static str> {
+    let mut columns = columns;
+    columns.sort_by_key(|column| *column != first);
+    columns
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn blamed(pairs: &[SignPair]) -> (&'static str, bool) {
+    fn blamed(pairs: &[SignPair]) -> (String, bool) {
         match check_signs(pairs) {
-            Err(CleanError::Sign { column, tied, .. }) => (column, tied),
+            Err(CleanError::Sign { columns, tied, .. }) => (columns.join(" "), tied),
             other => panic!("{other:?}"),
         }
     }
@@ -275,6 +325,16 @@ mod tests {
         assert_eq!(blamed(&all(-1.0, -1.0, 1.0, 1.0)).0, "yaw");
         assert_eq!(blamed(&all(1.0, 1.0, 1.0, -1.0)).0, "ay");
         assert!(blamed(&[("steer", "yaw_rate", Some(-1.0))]).1);
+        // An inertial sensor of the other handedness.
+        let sensor = [
+            ("yaw", "yaw_rate", Some(-1.0)),
+            ("y", "yaw", Some(1.0)),
+            ("steer_cmd", "yaw_rate", Some(-1.0)),
+            ("steer", "yaw_rate", Some(-1.0)),
+            ("ay", "yaw_rate", Some(1.0)),
+            ("ax", "vx", Some(1.0)),
+        ];
+        assert_eq!(blamed(&sensor), ("yaw_rate ay".to_owned(), false));
         assert!(check_signs(&all(1.0, 1.0, 1.0, 0.9)).is_ok());
     }
 }

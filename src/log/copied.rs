@@ -1,0 +1,71 @@
+//! A measured angle that was not measured: the command, written a second time.
+//!
+//! ```text
+//!     steer = k steer_cmd + c, to the digits of the file
+//! ```
+//!
+//! Every actuator is late by something, and every sensor has noise. A copy has neither, and tells nothing of an actuator.
+
+use super::finding::FindingSeverity;
+use super::rows::LogRows;
+
+/// Remainder of a copy, as a share of the angle's spread: the digits of a file. An actuator of 5 ms leaves more of slow steering.
+const DIGITS: f64 = 1e-3;
+
+/// Leaves out a `steer` that is a copy of `steer_cmd`.
+pub(super) fn leave_out(log: &mut LogRows) {
+    if let Some(words) = copy(log) {
+        log.find(FindingSeverity::Warning, "steer", format!("{words}; left out"));
+        let all = 0..log.columns["steer"].len();
+        log.leave_out("steer", all);
+        log.columns.remove("steer");
+    }
+}
+
+/// Words on a `steer` that is a copy of `steer_cmd`.
+pub(super) fn copy(log: &LogRows) -> Option<String> {
+    let (command, angle) = (log.columns.get("steer_cmd")?, log.columns.get("steer")?);
+    is_copy(command, angle).then(|| {
+        "steer is a copy of steer_cmd, without any actuator's lateness or sensor's noise: give the measured angle (or, if steer_cmd was \
+         written from the measured angle, delete steer_cmd)"
+            .to_owned()
+    })
+}
+
+fn is_copy(command: &[f64], angle: &[f64]) -> bool {
+    let pairs: Vec<(f64, f64)> = command
+        .iter()
+        .copied()
+        .zip(angle.iter().copied())
+        .filter(|(a, b)| a.is_finite() && b.is_finite())
+        .collect();
+    let count = pairs.len().max(1) as f64;
+    let mean = |of: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(of).sum::<f64>() / count;
+    let (asked, given) = (mean(&|pair| pair.0), mean(&|pair| pair.1));
+    let xx = mean(&|pair| (pair.0 - asked).powi(2));
+    let xy = mean(&|pair| (pair.0 - asked) * (pair.1 - given));
+    let yy = mean(&|pair| (pair.1 - given).powi(2));
+    // A negative remainder is one of rounding.
+    xx > 0.0 && yy > 0.0 && yy - xy * xy / xx < DIGITS * DIGITS * yy
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_copy;
+
+    #[test]
+    fn a_copy_is_told_from_a_quick_actuator_and_a_good_sensor() {
+        let command: Vec<f64> = (0..2000).map(|i| 0.1 * (0.01 * f64::from(i)).sin()).collect();
+        let digits = |value: f64| (value * 1e5).round() / 1e5;
+        let degrees: Vec<f64> = command.iter().map(|angle| digits(57.29578 * angle)).collect();
+        assert!(is_copy(&command, &command) && is_copy(&command, &degrees));
+        let late: Vec<f64> = (0..2000).map(|i| 0.1 * (0.01 * (f64::from(i) - 0.5)).sin()).collect();
+        assert!(!is_copy(&command, &late));
+        let noisy: Vec<f64> =
+            command.iter().enumerate().map(|(i, angle)| angle + 2e-4 * (7.3 * i as f64).sin()).collect();
+        assert!(!is_copy(&command, &noisy));
+        assert!(
+            !is_copy(&[0.0; 100], &command[..100]) && !is_copy(&command, &[0.0; 2000]) && !is_copy(&[], &[])
+        );
+    }
+}

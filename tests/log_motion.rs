@@ -1,0 +1,143 @@
+//! Motion in another frame, in another unit, backwards, or of another point: said, and no cause.
+
+use crate::diagnose::{Columns, cleaned, columns, said};
+use rfl_mpc::log::FindingSeverity;
+
+fn turned(columns: &mut Columns, names: &[&'static str]) {
+    for name in names {
+        columns.get_mut(name).unwrap().iter_mut().for_each(|value| *value *= -1.0);
+    }
+}
+
+#[test]
+fn columns_of_another_handedness_get_one_advice() {
+    for (names, words) in [
+        (&["yaw_rate", "ay"][..], "yaw_rate and ay have the opposite sign of"),
+        (&["yaw_rate", "ay", "vy", "steer", "steer_cmd"], "yaw and y have the opposite sign of"),
+        (&["y", "yaw", "yaw_rate", "ay", "vy"], "steer_cmd and steer have the opposite sign of"),
+        (&["steer", "steer_cmd"], "steer_cmd and steer have the opposite sign of"),
+    ] {
+        let mut log = columns(31, &[]);
+        turned(&mut log, names);
+        let error = cleaned(log).unwrap_err().to_string();
+        assert!(error.contains(words) && error.contains("ISO 8855"), "{names:?}: {error}");
+    }
+    // Mirrored as a whole it is a drive like any other.
+    let mut log = columns(31, &[]);
+    turned(&mut log, &["y", "yaw", "yaw_rate", "ay", "vy", "steer", "steer_cmd", "roll"]);
+    assert!(cleaned(log).is_ok_and(|log| log.suspect().is_none()));
+}
+
+#[test]
+fn yaw_in_hundredths_of_a_degree_is_converted() {
+    let sound = columns(32, &[]);
+    for wrapped in [false, true] {
+        let mut log = sound.clone();
+        for yaw in log.get_mut("yaw").unwrap() {
+            let hundredths = (100.0 * yaw.to_degrees()).round();
+            *yaw = if wrapped { hundredths.rem_euclid(36_000.0) } else { hundredths };
+        }
+        let log = cleaned(log).unwrap();
+        let said = said(&log.findings, "yaw", FindingSeverity::Warning);
+        assert!(said.contains("taken as hundredths of a degree"), "{wrapped}: {said}");
+        let off = log.columns["yaw"][0] - sound["yaw"][0];
+        let pairs = log.columns["yaw"].iter().zip(&sound["yaw"]);
+        assert!(pairs.clone().all(|(a, b)| (a - b - off).abs() < 1e-3) && log.suspect().is_none());
+    }
+}
+
+/// The course of the vehicle's point in place of its heading.
+fn course(columns: &Columns) -> Vec<f64> {
+    let (yaw, vx, vy) = (&columns["yaw"], &columns["vx"], &columns["vy"]);
+    (0..yaw.len()).map(|row| yaw[row] + vy[row].atan2(vx[row])).collect()
+}
+
+#[test]
+fn a_course_in_place_of_yaw_is_left_out() {
+    for (seed, dropped) in [(7, &["vy"][..]), (9, &["vy", "x", "y"]), (12, &["vy", "ax"])] {
+        let mut log = columns(seed, &[]);
+        log.insert("yaw", course(&log));
+        log.retain(|name, _| !dropped.contains(name));
+        let log = cleaned(log).unwrap();
+        let said = said(&log.findings, "yaw", FindingSeverity::Warning);
+        assert!(said.contains("it has the sideslip in it"), "{seed}: {said}");
+        assert!(!log.columns.contains_key("yaw") && log.suspect().is_none());
+    }
+}
+
+#[test]
+fn a_heading_that_is_late_or_smoothed_is_no_course() {
+    for (seed, rows) in [(7, 0), (8, 3), (34, 6), (35, 10)] {
+        let mut log = columns(seed, &[]);
+        for name in ["yaw", "yaw_rate"] {
+            let mut late = log.clone();
+            let values = late.get_mut(name).unwrap();
+            let fine = values.clone();
+            (0..fine.len()).for_each(|row| values[row] = fine[row.saturating_sub(rows)]);
+            let late = cleaned(late).unwrap();
+            assert!(late.columns.contains_key("yaw"), "{seed} {name} late by {rows}");
+        }
+        let yaw = log.get_mut("yaw").unwrap();
+        let fine = yaw.clone();
+        for row in rows..fine.len() - rows {
+            yaw[row] = fine[row - rows..=row + rows].iter().sum::<f64>() / (2 * rows + 1) as f64;
+        }
+        assert!(cleaned(log).unwrap().columns.contains_key("yaw"), "{seed} smoothed over {rows}");
+    }
+}
+
+/// A drive that ends with a stop and a stretch in reverse.
+fn reversed(seed: u64, is_signed: bool) -> Columns {
+    let mut log = columns(seed, &[]);
+    let rows = log["time"].len();
+    let last = |name: &str| log[name][rows - 1];
+    let (mut x, mut y, mut yaw, mut vx) = (last("x"), last("y"), last("yaw"), last("vx"));
+    let step = 0.02;
+    let mut random = rfl_mpc::numerics::Random::new(seed);
+    for row in 0..2500 {
+        let wanted = if row < 800 { 0.0 } else { -4.0 };
+        let ax = (wanted - vx).clamp(-2.0 * step, 2.0 * step) / step;
+        let steer = 0.15 * (0.01 * f64::from(row)).sin();
+        let rate = vx * steer / 2.7;
+        vx += ax * step;
+        yaw += rate * step;
+        x += vx * yaw.cos() * step;
+        y += vx * yaw.sin() * step;
+        let mut noise = |size: f64| size * (random.uniform() - 0.5);
+        let sign = if is_signed { 1.0 } else { vx.signum() };
+        for (name, value) in [
+            ("time", step * (rows as f64 + f64::from(row))),
+            ("x", x + noise(0.02)),
+            ("y", y + noise(0.02)),
+            ("yaw", yaw + noise(0.002)),
+            ("vx", sign * vx + noise(0.02)),
+            ("vy", noise(0.02)),
+            ("yaw_rate", rate + noise(0.004)),
+            ("ax", ax + noise(0.1)),
+            ("ay", vx * rate + noise(0.1)),
+            ("steer", steer + noise(0.001)),
+            ("steer_cmd", steer),
+            ("accel_cmd", sign * ax),
+            ("roll", noise(0.002)),
+        ] {
+            log.get_mut(name).unwrap().push(value);
+        }
+    }
+    log
+}
+
+#[test]
+fn reversing_with_a_speed_without_sign_is_not_judged() {
+    for dropped in [&["vy", "ax"][..], &["vy", "ax", "x", "y", "yaw"], &["vy", "ax", "x", "y", "yaw", "ay"]] {
+        for is_signed in [true, false] {
+            let mut log = reversed(36, is_signed);
+            log.retain(|name, _| !dropped.contains(name));
+            let log = cleaned(log).unwrap();
+            let said = said(&log.findings, "vx", FindingSeverity::Warning);
+            assert_eq!(said.contains("the vehicle reverses for"), !is_signed, "without {dropped:?}: {said}");
+            assert!(log.suspect().is_none(), "without {dropped:?}");
+            assert!(log.valid[3200..].iter().all(|valid| !valid), "without {dropped:?}");
+            assert!(log.valid[50..1900].iter().filter(|valid| **valid).count() > 1800);
+        }
+    }
+}
