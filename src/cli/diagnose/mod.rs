@@ -172,6 +172,21 @@ fn articulated(logs: &[DriveLog]) -> bool {
     logs.iter().any(|log| log.column("articulation").is_some())
 }
 
+/// Ratios of the wheelbase that a log shows to the vehicle's that gains of the steering explain.
+const OWN_WHEELBASE: std::ops::Range<f64> = 0.8..1.25;
+
+/// Words on a log without a trailer that turns as a vehicle of another wheelbase than the truck's.
+fn another_vehicle(log: &CleanLog, wheelbase: f64) -> Option<String> {
+    let (shown, error) = log.wheelbase_shown()?;
+    let is_other = !OWN_WHEELBASE.contains(&(shown / wheelbase)) && (shown - wheelbase).abs() > 5.0 * error;
+    is_other.then(|| {
+        format!(
+            "the log turns as a vehicle of {shown:.1} m wheelbase, the truck's is {wheelbase:.1} m, and there is no articulation: another \
+             vehicle drove; choose it with --vehicle"
+        )
+    })
+}
+
 fn answer<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &DiagnoseArgs,
     name: &str,
@@ -200,6 +215,13 @@ where
         let words = "the log has an articulation angle, and the simulator is a car: choose the truck with --vehicle or --unit truck";
         let (gravity, signal) = (FindingSeverity::Suspicion, Some("articulation".to_owned()));
         clean.findings.insert(0, Finding { gravity, signal, summary: words.to_owned() });
+    }
+    if !articulated(logs)
+        && P::KIND == "truck"
+        && let Some(words) = another_vehicle(&clean, nominal.wheelbase())
+    {
+        let (gravity, signal) = (FindingSeverity::Suspicion, Some("steer".to_owned()));
+        clean.findings.insert(0, Finding { gravity, signal, summary: words });
     }
     let reference = match &args.reference {
         Some(file) => Some(clean_one(&args.reading.read(file)?)?.1),
