@@ -211,10 +211,10 @@ pub(super) fn place_late(log: &CleanLog) -> Option<(f64, f64)> {
         let (own, other) = if is_x { (0, 1) } else { (1, 0) };
         let (along, across) = if is_x { (&cos, &sin) } else { (&sin, &cos) };
         let side = if is_x { -1.0 } else { 1.0 };
-        let slid = spans.integrals(|i| slip[i] * if is_x { -yaw[i].sin() } else { yaw[i].cos() });
-        rows.extend((0..spans.count()).map(|k| {
-            [-changes[own][k], ways[own][k], side * ways[other][k], along[k], side * across[k], slid[k]]
-        }));
+        rows.extend(
+            (0..spans.count())
+                .map(|k| [-changes[own][k], ways[own][k], side * ways[other][k], along[k], side * across[k]]),
+        );
     }
     first_coefficient_within(&targets, &rows)
 }

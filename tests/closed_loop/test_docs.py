@@ -139,6 +139,8 @@ def shell(text: str) -> str:
     """A command with the programs that were built, by their names."""
     for prefix in PROGRAM[:2]:
         text = text.replace(prefix, "rfl")
+    # A script finds its checkout from its own place; files on its command line are the reader's.
+    text = re.sub(r"^scripts/", f"{ROOT}/scripts/", text)
     return text.replace("target/release/fmu-build", "fmu-build")
 
 

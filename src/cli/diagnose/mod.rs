@@ -284,7 +284,7 @@ where
         }
         if let Some(out) = out.filter(|_| !files.is_empty()) {
             let file = out.join(CALIBRATED).with_extension("toml");
-            say!("next: rfl drive --vehicle {0}, rfl collect --vehicle {0}", file.display());
+            say!("next: rfl drive --vehicle {0}, rfl learn --vehicle {0}", file.display());
         }
     }
     Ok(Diagnosed { report: diagnosis.report, page })
