@@ -2,7 +2,6 @@
 
 use super::error::perhaps;
 use super::finding::{Finding, FindingSeverity};
-use super::kinematics;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -65,12 +64,6 @@ impl CleanLog {
             coarse: BTreeMap::new(),
             findings: Vec::new(),
         }
-    }
-
-    /// Wheelbase that the turns show, m, and its standard error; a gain of the steering is in it.
-    #[must_use]
-    pub fn wheelbase_shown(&self) -> Option<(f64, f64)> {
-        kinematics::wheelbase(self)
     }
 
     /// Notes a finding about a column.

@@ -219,18 +219,21 @@ pub(super) fn place_late(log: &CleanLog) -> Option<(f64, f64)> {
     first_coefficient_within(&targets, &rows)
 }
 
-/// Wheelbase that the turns show, m, and its standard error, with a steering that is right.
-///
-/// ```text
-///     d(steer) = L d(yaw_rate / vx) + K d(vx yaw_rate) + c dt
-/// ```
-pub(super) fn wheelbase(log: &CleanLog) -> Option<(f64, f64)> {
-    let [steer, vx, rate] = ["steer", "vx", "yaw_rate"].map(|name| log.columns.get(name));
-    let (steer, vx, rate) = (steer.or_else(|| log.columns.get("steer_cmd"))?, vx?, rate?);
-    let spans = Spans::of(log);
-    let (bend, outward) = (spans.changes(|i| rate[i] / vx[i]), spans.changes(|i| rate[i] * vx[i]));
-    let rows: Vec<[f64; 3]> = (0..spans.count()).map(|k| [bend[k], outward[k], 1.0]).collect();
-    first_coefficient_within(&spans.changes(|i| steer[i]), &rows)
+impl CleanLog {
+    /// Wheelbase that the turns show, m, and its standard error; a gain of the steering is in it.
+    ///
+    /// ```text
+    ///     d(steer) = L d(yaw_rate / vx) + K d(vx yaw_rate) + c dt
+    /// ```
+    #[must_use]
+    pub fn wheelbase_shown(&self) -> Option<(f64, f64)> {
+        let [steer, vx, rate] = ["steer", "vx", "yaw_rate"].map(|name| self.columns.get(name));
+        let (steer, vx, rate) = (steer.or_else(|| self.columns.get("steer_cmd"))?, vx?, rate?);
+        let spans = Spans::of(self);
+        let (bend, outward) = (spans.changes(|i| rate[i] / vx[i]), spans.changes(|i| rate[i] * vx[i]));
+        let rows: Vec<[f64; 3]> = (0..spans.count()).map(|k| [bend[k], outward[k], 1.0]).collect();
+        first_coefficient_within(&spans.changes(|i| steer[i]), &rows)
+    }
 }
 
 /// Pairs of neighbouring stretches of a log.
