@@ -169,7 +169,7 @@ def diagnose(
     controller, set
         Learned model and parameters of the controller that drove, for the closed loop; only with ``path``.
     without
-        Effects that are not to be named, such as ``["tyre_softening"]``.
+        Effects that are not to be named, such as ``["steer_offset"]``.
     pairs
         Two effects together are candidates, too.
     trust

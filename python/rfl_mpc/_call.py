@@ -99,19 +99,29 @@ def _columns(name: str, table: Any) -> list[tuple[str, bytes]]:
         kind = type(table).__name__
         raise _native.RflError(f"{name}: {kind} is no log; give a file, a data frame or a dict of arrays")
     names = [one for one in _names(table) if isinstance(one, str)]
-    told = [(column, table[column]) for column in names if _native.is_signal(_signal(column))]
+    signals = dict(zip(names, _native.signals(names)))
+    told = [(column, table[column]) for column in names if signals[column]]
     index = getattr(table, "index", None)
-    if "time" not in map(_signal, names) and hasattr(index, "dtype"):
-        named = isinstance(index.name, str) and _signal(index.name) == "time"
+    if "time" not in signals.values() and hasattr(index, "dtype"):
+        named = isinstance(index.name, str) and _native.signals([index.name]) == ["time"]
         if named or index.dtype.kind in "mM":
             told.insert(0, (index.name if named else "time", index))
+            signals[told[0][0]] = "time"
+    if not told:
+        words = f"no column is a signal of a drive log (columns: {', '.join(names[:8]) or 'none with a name'})"
+        raise _native.RflError(f"{name}: {words}; {_named(table)}")
     columns = []
     for column, given in told:
         values = np.asarray(given)
+        if values.ndim == 0:
+            words = "one value and no column; of rows that are dicts make a table: pandas.DataFrame(rows)"
+            raise _native.RflError(f"{name}, column {column}: {words}")
         if values.ndim != 1:
             raise _native.RflError(f"{name}, column {column}: shape {values.shape}; give a one-dimensional column")
-        if values.dtype.kind in "OUT" and _signal(column) == "time":
-            values = _times(f"{name}, column {column}", values)
+        if signals[column] == "time":
+            if values.dtype.kind in "OUT":
+                values = _times(f"{name}, column {column}", values)
+            _check_steps(f"{name}, column {column}", values)
         if values.dtype.kind == "M":  # dates
             known = values[~np.isnat(values)]
             values = (values - known[:1]) / np.timedelta64(1, "s") if len(known) else np.full(len(values), np.nan)
@@ -121,15 +131,33 @@ def _columns(name: str, table: Any) -> list[tuple[str, bytes]]:
             columns.append((column, np.ascontiguousarray(values, dtype=np.float64).tobytes()))
         except (TypeError, ValueError) as error:
             raise _native.RflError(f"{name}, column {column}: {error}; give numbers") from None
-    if not columns:
-        words = f"no column is a signal of a drive log (columns: {', '.join(names[:8]) or 'none'})"
-        raise _native.RflError(f"{name}: {words}; give time, steer_cmd, vx")
     return columns
 
 
-def _signal(column: str) -> str:
-    """The name of a column without its unit."""
-    return column.split("[")[0].strip()
+def _named(table: Any) -> str:
+    """How a table that has no columns with the names of signals is given."""
+    if any(isinstance(one, tuple) for one in _names(table)):
+        return "its names are of several levels; join them to one: table.columns = ['_'.join(name) for name in table]"
+    if getattr(table, "ndim", 0) == 1 and hasattr(table, "to_frame"):
+        return "a Series is one column; give a data frame with time, steer_cmd, vx"
+    if hasattr(table, "ndim") and not hasattr(table, "columns"):
+        return "an array has no names; give a data frame or a dict of arrays: time, steer_cmd, vx"
+    return "give time, steer_cmd, vx"
+
+
+def _check_steps(place: str, times: np.ndarray) -> None:
+    """Refuses times that their type cannot hold apart: seconds since 1970 in 32 bits have steps of two minutes."""
+    import numpy as np
+
+    if times.dtype.kind != "f" or times.dtype.itemsize >= 8:
+        return
+    known = times[np.isfinite(times)]
+    if 2 * len(np.unique(known)) <= len(known):
+        step, kind = float(np.spacing(np.abs(known).max())), times.dtype.name
+        words = (
+            f"{kind} counts such times in steps of {step:.3g} s, and rows come out at one time; keep them as float64"
+        )
+        raise _native.RflError(f"{place}: {words}")
 
 
 def _times(place: str, values: np.ndarray) -> np.ndarray:

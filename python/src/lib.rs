@@ -240,9 +240,10 @@ mod native {
         Ok(tuned.to_string())
     }
 
-    /// True if a column's name is that of a signal of a drive log.
+    /// The signals of a drive log that a table's columns are, by their names.
     #[pyfunction]
-    fn is_signal(name: &str) -> bool {
-        rfl_mpc::signal::find(name).is_some()
+    #[expect(clippy::needless_pass_by_value, reason = "Python's list becomes one of our own")]
+    fn signals(names: Vec<String>) -> Vec<Option<&'static str>> {
+        DriveLog::signals(&names)
     }
 }

@@ -79,8 +79,8 @@ pub enum DiagnoseError {
     NotFinite { column: &'static str, value: f64, time: f64 },
     #[error("the sample time is {step} s; it must be more than 0 and at most 0.2 s (5 Hz)")]
     Clock { step: f64 },
-    #[error("there is no effect '{id}' to leave out")]
-    UnknownEffect { id: String },
+    #[error("there is no effect '{id}' to leave out; there are {}", known.join(", "))]
+    UnknownEffect { id: String, known: Vec<String> },
     #[error("--prior {id}={probability}: {words}")]
     Prior { id: String, probability: f64, words: &'static str },
     #[error(
@@ -118,7 +118,8 @@ fn check_options<V: ReplayVehicle>(vehicle: &V, options: &Options) -> Result<(),
     let library = options.library();
     let is_effect = |id: &str| library.effects().any(|effect| effect.id == id);
     if let Some(id) = options.without.iter().find(|id| !is_effect(id)) {
-        return Err(DiagnoseError::UnknownEffect { id: id.clone() });
+        let known = library.effects().map(|effect| effect.id.to_owned()).collect();
+        return Err(DiagnoseError::UnknownEffect { id: id.clone(), known });
     }
     for (id, &probability) in &options.beliefs.probabilities {
         let words = match (is_effect(id), probability > 0.0 && probability < 1.0) {

@@ -262,6 +262,13 @@ impl DriveLog {
         Ok(log)
     }
 
+    /// The signals that a table's columns are, by their names.
+    #[must_use]
+    pub fn signals(names: &[String]) -> Vec<Option<&'static str>> {
+        let header = table::Header::of(names);
+        header.names.iter().map(|name| named(name, &header).map(|signal| signal.name)).collect()
+    }
+
     fn empty(file: &Path) -> Self {
         Self {
             file: file.to_owned(),

@@ -100,6 +100,23 @@ def test_tables_of_every_kind_are_read_alike(rfl_mpc, drive):
     assert found[0].excited and found[0].value == pytest.approx(0.06, abs=0.002)
 
 
+@pytest.mark.parametrize(
+    "name",
+    [str.upper, str.title, lambda name: name.replace("_", " "), lambda name: f" {name} ", lambda name: f"{name} (-)"],
+)
+def test_names_in_other_letters_are_read_as_in_a_file(rfl_mpc, drive, told, tmp_path, name):
+    frame = drive.log[["time", "steer_cmd", "steer", "accel_cmd", "vx", "yaw_rate", "ax", "ay"]]
+    renamed = frame.rename(columns=name)
+    plain, other = ([one for one, _ in rfl_mpc._call._columns("<log>", table)] for table in (frame, renamed))
+    assert other == list(renamed.columns) and len(plain) == len(other)
+    renamed.to_csv(tmp_path / "log.csv", index=False)
+    found = [rfl_mpc.identify(table, check=False).dead_time for table in (frame, renamed, tmp_path / "log.csv")]
+    assert np.allclose([one[:3] for one in found], found[0][:3], atol=1e-6), found
+    # A column with the very name comes first.
+    both = frame.assign(VX=7.0, remark=1.0)
+    assert "VX" not in [one for one, _ in rfl_mpc._call._columns("<log>", both)]
+
+
 BEGIN = pd.Timestamp("2026-01-01")
 
 
@@ -204,6 +221,18 @@ def test_a_model_is_that_of_the_command_line(rfl_mpc, drive, told, rfl, tmp_path
         (lambda rfl: rfl.diagnose({"time": [0.0, 1.0], "vx": [1.0]}), "column 'vx' has 1 values"),
         (lambda rfl: rfl.diagnose({"time": [0.0], "vx": ["fast"]}), "column vx: could not convert"),
         (lambda rfl: rfl.diagnose({"time": [[0.0]], "vx": [1.0]}), "column time: shape (1, 1)"),
+        (
+            lambda rfl: rfl.diagnose([{"time": 0.0, "vx": 1.0}]),
+            "column time: one value and no column; of rows that are dicts",
+        ),
+        (lambda rfl: rfl.diagnose(pd.Series([1.0, 2.0], name="vx")), "a Series is one column"),
+        (lambda rfl: rfl.diagnose(np.ones((9, 3))), "an array has no names"),
+        (lambda rfl: rfl.diagnose(pd.DataFrame({("car", "vx"): [1.0]})), "names are of several levels"),
+        (
+            lambda rfl: rfl.diagnose({"time": np.float32(1.7e9 + np.arange(99)), "vx": np.ones(99)}),
+            "float32 counts such times in steps of 128 s",
+        ),
+        (lambda rfl: rfl.diagnose("none.csv", without=["tyre_softening"]), "none.csv"),
         (lambda rfl: rfl.diagnose({"vx": [0.0], "vx [km/h]": [1.0]}), "the column 'vx' stands twice"),
         (lambda rfl: rfl.identify({"time": [0.0], "steer_cmd": [0.0]}), "steer"),
         (lambda rfl: rfl.train({"time": [0.0], "vx": [1.0]}), "<log>"),

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rfl_mpc._native import RflError, is_signal
+from rfl_mpc._native import RflError, signals
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -220,7 +220,7 @@ def _is_manifest(source: Path, columns: Iterable[Any]) -> bool:
     if {"log", "vehicle"} <= set(names):
         return True
     # A time may be of both.
-    logged = any(is_signal(name.split("[")[0].strip()) for name in names if name != "time")
+    logged = any(signal not in (None, "time") for signal in signals(names))
     if not logged and any(name in COLUMNS and name != "time" for name in names):
         raise RflError(f"{source}: neither a log nor a manifest (columns: {', '.join(names[:8])}); {NEEDS}")
     return False
