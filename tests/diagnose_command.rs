@@ -162,6 +162,34 @@ fn a_suspect_log_is_never_given_a_name() {
     assert!(FOLDER.path().join("suspect/report.html").exists());
 }
 
+/// A log without some of its columns.
+fn without(folder: &Path, from: &str, to: &str, dropped: &[&str]) {
+    let text = std::fs::read_to_string(folder.join(from)).unwrap();
+    let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let keep = |line: &str| {
+        let fields = line.split(',').zip(&header).filter(|(_, name)| !dropped.contains(name));
+        fields.map(|(field, _)| field).collect::<Vec<_>>().join(",")
+    };
+    std::fs::write(folder.join(to), text.lines().map(keep).collect::<Vec<_>>().join("\n")).unwrap();
+}
+
+#[test]
+fn a_cars_log_is_told_from_that_of_a_truck_whose_trailer_nobody_measured() {
+    let drive =
+        ["drive", "--quiet", "--duration", "60", "--vehicle", "truck_simulation", "--log", "truck.csv"];
+    let output = rfl(FOLDER.path(), &[&drive[..], &["--path", "truck_test"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    without(FOLDER.path(), "truck.csv", "tractor.csv", &["articulation", "articulation_rate"]);
+    for (log, is_other) in [("late.csv", true), ("tractor.csv", false)] {
+        let with = ["--vehicle", "truck_simulation", "--quiet", "--no-pairs", "--out", "towed", "--json"];
+        let output = rfl(FOLDER.path(), &[&["diagnose", log][..], &with].concat());
+        let report: Report = serde_json::from_slice(&output.stdout).expect(&text(&output.stderr));
+        let said = report.findings.iter().any(|it| it.summary.contains("another vehicle drove"));
+        assert_eq!(said, is_other, "{log}: {:?}", report.findings);
+        assert!(!is_other || report.verdict.kind == VerdictKind::CannotTell, "{}", report.verdict.summary);
+    }
+}
+
 #[test]
 fn what_cannot_be_used_is_refused_with_the_reason() {
     let short = changed("short.csv", |row, _, value| (row < 100).then_some(value));

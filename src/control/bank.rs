@@ -25,7 +25,7 @@
 //! Source: multiple-model estimation, Magill 1965; Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking
 //! and Navigation, 2001, ch. 11.6; the integrated likelihood: Gelman and others, Bayesian Data Analysis, ch. 14.
 
-use super::controller::Measurement;
+use super::step::Measurement;
 use crate::nominal::{Actuator, DeadTimeModel};
 use serde::{Deserialize, Serialize};
 

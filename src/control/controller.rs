@@ -15,6 +15,7 @@
 mod acceleration;
 mod resample;
 mod steering;
+mod stored;
 
 use super::bank::{Bank, BankState, KnownActuator};
 use super::clarabel_solver::BuildError;
@@ -28,6 +29,7 @@ use super::observer::{Observer, ObserverNoise};
 use super::parameters::{ControllerParametersFor, NominalVehicle, SpeedController};
 use super::preview::SpeedAhead;
 use super::status::ControlStatus;
+use super::step::{Measurement, StepError, StepReport};
 use super::tracking_qp::{QpError, QpReport, TrackingQp};
 use super::variant::PredictionModelFor;
 use super::vehicle::{ControlledParameters, ControlledVehicle};
@@ -40,51 +42,6 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Measurements of the vehicle, in SI units and ISO 8855 axes.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[allow(missing_docs)]
-pub struct Measurement {
-    pub x: f64,
-    pub y: f64,
-    pub yaw: f64,
-    pub vx: f64,
-    pub vy: f64,
-    pub yaw_rate: f64,
-    /// Road-wheel angle: start of the steering command at the first step.
-    pub steer: f64,
-    /// Articulation angle, rad; 0 for a vehicle without one.
-    pub articulation: f64,
-    /// Its rate, rad/s.
-    pub articulation_rate: f64,
-}
-
-/// Decision of a step, and its grounds.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[allow(missing_docs)]
-pub struct StepReport {
-    pub steer_cmd: f64,
-    pub accel_cmd: f64,
-    pub status: ControlStatus,
-    pub e1: f64,
-    pub e1_rate: f64,
-    pub e2: f64,
-    pub e2_rate: f64,
-    pub station: f64,
-    pub curvature: f64,
-    pub curvature_rate: f64,
-    pub speed_ref: f64,
-    /// Distance along the path from the vehicle to the point that the speed controller follows, m; 0 without one.
-    pub lag_error: f64,
-    /// Share of the horizon where the learned residual was asked outside its training and faded out, 0 to 1.
-    pub residual_outside: f64,
-    /// Iterations of the QP solver; 0 if it did not run to an end.
-    pub iterations: u32,
-    /// Wall-clock time of the step, s: the only value that is not reproducible.
-    pub compute_time: f64,
-    /// The end of an open path is reached, or a full lap of a closed one is driven.
-    pub finished: bool,
-}
-
 /// Reasons for which a controller cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
@@ -95,19 +52,6 @@ pub enum ControllerError {
     Lateral(#[from] LateralError),
     #[error("the longitudinal MPC: {0}")]
     Longitudinal(#[from] BuildError),
-}
-
-/// Reasons for which a step cannot be computed.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)]
-pub enum StepError {
-    #[error(
-        "the measured {signal} is {value}: every value of the first measurement must be a finite number; later ones are \
-         bridged for a while"
-    )]
-    NotFinite { signal: &'static str, value: f64 },
-    #[error("the state is of a controller with another horizon, window or speed control")]
-    ForeignState,
 }
 
 /// State of the controller between steps: the contents of a saved state.
@@ -600,86 +544,10 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     pub fn parameters(&self) -> &ControllerParametersFor<G> {
         &self.parameters
     }
-
-    /// Everything that steps have changed.
-    #[must_use]
-    pub fn state(&self) -> &ControllerState<S> {
-        &self.state
-    }
-
-    /// One control step of another vehicle, whose state is kept outside. `state` is a copy of [`state`](Self::state)
-    /// from before the first step, as its own steps have changed it. So one controller serves any number of vehicles on
-    /// its path, with one working memory, which stays in the processor's caches. A state takes a few kilobytes.
-    ///
-    /// # Errors
-    /// As [`step`](Self::step); a state that [`restore`](Self::restore) would give back. Nothing has changed then.
-    pub fn step_for(
-        &mut self,
-        state: &mut ControllerState<S>,
-        measurement: &Measurement,
-    ) -> Result<StepReport, StepError> {
-        if !self.exchange(state) {
-            return Err(StepError::ForeignState);
-        }
-        let report = self.step(measurement).copied();
-        self.exchange(state);
-        report
-    }
-
-    /// Continues from a state of a controller with the same parameters and path. Gives the state back if its plan
-    /// has another horizon, its history another window, or its speed was tracked in another way.
-    pub fn restore(&mut self, mut state: ControllerState<S>) -> Option<ControllerState<S>> {
-        (!self.exchange(&mut state)).then_some(state)
-    }
-
-    /// Puts a state in the place of its own, which comes out, if it fits.
-    fn exchange(&mut self, state: &mut ControllerState<S>) -> bool {
-        let window = |state: &ControllerState<S>| state.history.states().len();
-        let of_bank = match (&self.bank, &state.bank) {
-            (Some(bank), Some(state)) => bank.fits(state),
-            (None, None) => true,
-            _ => false,
-        };
-        let other_speed = state.longitudinal.is_some() != self.longitudinal.is_some();
-        if state.plan.len() != self.state.plan.len()
-            || window(state) != window(&self.state)
-            || other_speed
-            || !of_bank
-        {
-            return false;
-        }
-        std::mem::swap(&mut self.state, state);
-        if let (Some(longitudinal), Some(of_speed)) = (&mut self.longitudinal, self.state.longitudinal) {
-            longitudinal.restore(of_speed);
-        }
-        true
-    }
 }
 
 /// Certainty of the actuator in the prediction, 0 to 1.
 fn tightness(known: &KnownActuator) -> f64 {
     let (sure, spread) = (SURE * SURE, known.spread * known.spread);
     sure / (sure + spread)
-}
-
-impl Measurement {
-    /// Checks that every value is a number.
-    pub(super) fn check(&self) -> Result<(), StepError> {
-        let Self { x, y, yaw, vx, vy, yaw_rate, steer, articulation, articulation_rate } = *self;
-        let signals = [
-            ("x", x),
-            ("y", y),
-            ("yaw", yaw),
-            ("vx", vx),
-            ("vy", vy),
-            ("yaw_rate", yaw_rate),
-            ("steer", steer),
-            ("articulation", articulation),
-            ("articulation_rate", articulation_rate),
-        ];
-        match signals.into_iter().find(|(_, value)| !value.is_finite()) {
-            Some((signal, value)) => Err(StepError::NotFinite { signal, value }),
-            None => Ok(()),
-        }
-    }
 }

@@ -35,8 +35,8 @@
 mod resting;
 
 use self::resting::Resting;
-use super::controller::{Measurement, StepError};
 use super::observer::ObserverParameters;
+use super::step::{Measurement, StepError};
 use super::vehicle::FurtherState;
 use crate::nominal::{ERRORS, LateralVehicle};
 use crate::parameters;

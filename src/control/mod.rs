@@ -26,11 +26,12 @@
 //! | `guard.rs` | plausibility of measurements, and their replacement |
 //! | `fading.rs` | comparison of a learned model with the nominal one |
 //! | `controller.rs` | one step from measurement to commands; fallback |
-//! | `controller/` | its acceleration and its steering command |
+//! | `controller/` | its acceleration, its steering command, its state |
 //! | `vehicle.rs` | differences between kinds of vehicles |
 //! | `truck.rs` | the truck's part, and its defaults |
 //! | `margins/` | stability margins of the loop: gain, phase and delay |
 //! | `sampler.rs` | sample instants |
+//! | `step.rs` | what a step is given, and what it says |
 //! | `status.rs` | result of a step, in words |
 
 mod active_set;
@@ -59,6 +60,7 @@ mod sampler;
 mod solve;
 mod speed;
 mod status;
+mod step;
 mod tracking_qp;
 mod truck;
 mod variant;
@@ -69,9 +71,7 @@ pub use bank::{Bank, BankState, KnownActuator};
 pub use choice::{Choice, ChoiceError, ControlVariant, LearnedModel, LearnedModelFor, MODEL_EXTENSION};
 pub use clarabel_solver::{BuildError, ClarabelSolver};
 pub use condense::{Affine, HorizonModel, HorizonState, Propagation, condense};
-pub use controller::{
-    Controller, ControllerError, ControllerFor, ControllerState, Measurement, StepError, StepReport,
-};
+pub use controller::{Controller, ControllerError, ControllerFor, ControllerState};
 pub use controller_file::{ControllerFile, ControllerFileError};
 pub use cost_term::{CostTerm, HorizonStep};
 pub use fast_solver::{FastSolver, build_solver};
@@ -91,6 +91,7 @@ pub use preview::SpeedAhead;
 pub use sampler::Sampler;
 pub use speed::{SpeedCommand, track_speed};
 pub use status::ControlStatus;
+pub use step::{Measurement, StepError, StepReport};
 pub use tracking_qp::{QpEnd, QpError, QpReport, QpShape, QpSolver, SoftBound, TrackingQp};
 pub use truck::{NominalTruck, TRUCK_STATES, TruckController, TruckControllerParameters};
 pub use variant::{

@@ -4,10 +4,10 @@
 //! trailer follows the tractor, and pulling the articulation towards a value pulls the tractor off the path in bends. A
 //! soft bound keeps it from jack-knifing.
 
-use super::controller::Measurement;
 use super::parameters::{
     self, ActuatorParameters, ControllerParametersFor, MpcParameters, SpeedController, SpeedParameters,
 };
+use super::step::Measurement;
 use super::variant::ArticulatedModel;
 use super::vehicle::{Bound, ControlledParameters, ControlledVehicle, FurtherState};
 use super::{ControllerFor, LongitudinalParameters, ObserverParameters};

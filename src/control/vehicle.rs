@@ -3,9 +3,9 @@
 //! Everything in this module is written for `S` states. Differences between vehicles stand here: the measurement of the
 //! state, the cost of the further states, and the nonlinear model, if any.
 
-use super::controller::Measurement;
 use super::lateral::LateralError;
 use super::parameters::{MpcParameters, NmpcParameters, NominalVehicle};
+use super::step::Measurement;
 use super::variant::{BicycleModel, Variant};
 use crate::nominal::{ERRORS, ErrorState, LateralVehicle};
 use crate::parameter::{OutOfRange, ParameterGroup};
