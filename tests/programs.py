@@ -41,6 +41,6 @@ def _built(kind: str, name: str, place: Path) -> Path:
     selection = TESTED if PROFILE == "dev" else ["--workspace", kind, *([name] if name else [])]
     if kind == "--lib":
         # The FMUs' libraries are built apart (scripts/build-fmus).
-        selection = [*selection, *(["--lib"] if "--lib" not in selection else []), *(f"--exclude={fmu}" for fmu in FMUS)]
+        selection = list(dict.fromkeys([*selection, "--lib", *(f"--exclude={fmu}" for fmu in FMUS)]))
     subprocess.run(["cargo", "build", "--profile", PROFILE, "--quiet", *selection], cwd=ROOT, check=True)
     return ROOT / "target" / ("debug" if PROFILE == "dev" else PROFILE) / place
