@@ -118,6 +118,13 @@ impl Track {
     }
 }
 
+/// What of a measurement is to the bit as a step before, in motion.
+#[derive(Debug, Clone, Copy)]
+struct Stale {
+    all: bool,
+    pose: bool,
+}
+
 /// A motion that may be a new start.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct NewStart {
@@ -277,58 +284,18 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         on_road: impl Fn(&Measurement) -> bool,
     ) -> Result<Judgement, StepError> {
         let told = signals(measurement);
-        let finite = told.iter().all(|value| value.is_finite());
         let Some(track) = state.track.filter(|_| self.parameters.active != 0) else {
             measurement.check()?;
             self.begin(state, &told);
             return Ok(Judgement::Believed);
         };
-        let moves_on = (track.mean[3] + (accel + state.drift) * elapsed).abs() * elapsed > MOVES;
-        let same = |signals: Range<usize>| {
-            state.told.is_some_and(|before| signals.into_iter().all(|i| before[i] == told[i]))
-        };
-        // A receiver may be slower than the other sensors. What is old is no contradiction to what is new.
-        let unchanged = same(0..SIGNALS);
-        let [speed, way] = state.asked;
-        let speed = (speed + accel * elapsed).max(0.0);
-        state.asked = if unchanged { [speed, way + speed * elapsed] } else { [0.0; 2] };
-        let stale = unchanged && (moves_on || state.asked[1] > SETS_OUT);
-        let frozen_pose = told[3].hypot(told[4]) * elapsed > MOVES && same(POSE);
-        let stale_pose = stale || frozen_pose;
-        let pose = [told[0], told[1], told[2]];
-        state.dead_pose = if frozen_pose { Some(pose) } else { state.dead_pose.filter(|dead| *dead == pose) };
-        state.waited += elapsed;
-        if finite && !stale_pose {
-            if let Some(before) = state.placed {
-                self.learn_scale(&mut state.ways, &before, &told, state.waited);
-            }
-            (state.placed, state.waited) = (Some(told), 0.0);
-        } else if !finite {
-            state.placed = None;
-        }
-        state.told = finite.then_some(told);
+        let finite = told.iter().all(|value| value.is_finite());
+        let stale = self.find_stale(state, &told, track.mean[3], accel, elapsed);
         let scale = state.scale();
         let mut track = self.predict(&track, steer, [accel, state.drift], scale, elapsed);
         let moves = track.mean[3].abs() * elapsed > MOVES;
 
-        let mut believed = [true; SIGNALS];
-        let mut contradicts = false;
-        for (i, believed) in believed.iter_mut().enumerate().take(Self::JUDGED) {
-            let off = difference(i, told[i], track.mean[i]);
-            let units = off * off / (track.covariance[(i, i)] + self.noise[i]);
-            let spread = state.spread[i].clamp(1.0, LARGEST_SPREAD);
-            let old = if POSE.contains(&i) { stale_pose } else { stale || state.resting.is_dead(i, &told) };
-            *believed = !old && units <= GATE * GATE * spread;
-            contradicts |= !old && !*believed;
-            if *believed {
-                state.spread[i] += (units - state.spread[i]) * (elapsed / MEMORY).min(1.0);
-            }
-        }
-        if finite {
-            let shown = state.spread.map(|spread| spread.clamp(1.0, LARGEST_SPREAD));
-            let variance = self.noise.component_mul(&shown);
-            state.resting.observe(&told, !stale_pose, &variance, self.yaw_accel, elapsed);
-        }
+        let (believed, contradicts) = self.gate(state, &track, &told, stale, elapsed);
         let all = believed.iter().all(|believed| *believed);
         if contradicts && finite && state.agreed < ESTABLISHED {
             // Nothing to bridge from as yet.
@@ -338,7 +305,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             state.stops |= unsettled > self.parameters.stop_time;
             return Ok(if self.is_unsettled(state) { Judgement::Bridged } else { Judgement::Believed });
         }
-        if !contradicts && !stale {
+        if !contradicts && !stale.all {
             state.agreed = state.agreed.saturating_add(1);
             if state.agreed >= ESTABLISHED {
                 state.unsettled = 0.0;
@@ -350,7 +317,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             // A vehicle that was put down and stands has the same bits at each step, too.
             let stands = (3..ARTICULATION).all(|i| told[i].abs() * elapsed <= MOVES);
             let lives = state.dead_pose.is_none() && !state.resting.has_dead();
-            let there = finite && (!stale_pose || stands) && lives;
+            let there = finite && (!stale.pose || stands) && lives;
             state.candidate = self.candidate(state.candidate, &told, there, elapsed, scale, &state.spread);
             let age = state.candidate.map_or(0.0, |candidate| candidate.age);
             let goes_on = state.candidate.is_some() && age >= self.parameters.bridge_time - 0.5 * elapsed;
@@ -383,22 +350,76 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             return Ok(Judgement::Believed);
         }
         state.stops |= state.lost() > self.parameters.stop_time;
-        let places = [
-            &mut measurement.x,
-            &mut measurement.y,
-            &mut measurement.yaw,
-            &mut measurement.vx,
-            &mut measurement.vy,
-            &mut measurement.yaw_rate,
-            &mut measurement.articulation,
-            &mut measurement.articulation_rate,
-        ];
-        for (i, place) in places.into_iter().enumerate() {
-            if !believed[i] {
-                *place = track.mean[i];
+        replace(measurement, &believed, &track.mean);
+        Ok(Judgement::Bridged)
+    }
+
+    /// Finds out what of a measurement is old: a receiver may be slower than the other sensors, and what is old is no contradiction
+    /// to what is new. `speed`: by the filter, m/s.
+    fn find_stale(
+        &self,
+        state: &mut GuardState,
+        told: &Signals,
+        speed: f64,
+        accel: f64,
+        elapsed: f64,
+    ) -> Stale {
+        let finite = told.iter().all(|value| value.is_finite());
+        let moves_on = (speed + (accel + state.drift) * elapsed).abs() * elapsed > MOVES;
+        let same = |signals: Range<usize>| {
+            state.told.is_some_and(|before| signals.into_iter().all(|i| before[i] == told[i]))
+        };
+        let unchanged = same(0..SIGNALS);
+        let [speed, way] = state.asked;
+        let speed = (speed + accel * elapsed).max(0.0);
+        state.asked = if unchanged { [speed, way + speed * elapsed] } else { [0.0; 2] };
+        let all = unchanged && (moves_on || state.asked[1] > SETS_OUT);
+        let frozen_pose = told[3].hypot(told[4]) * elapsed > MOVES && same(POSE);
+        let stale = Stale { all, pose: all || frozen_pose };
+        let pose = [told[0], told[1], told[2]];
+        state.dead_pose = if frozen_pose { Some(pose) } else { state.dead_pose.filter(|dead| *dead == pose) };
+        state.waited += elapsed;
+        if finite && !stale.pose {
+            if let Some(before) = state.placed {
+                self.learn_scale(&mut state.ways, &before, told, state.waited);
+            }
+            (state.placed, state.waited) = (Some(*told), 0.0);
+        } else if !finite {
+            state.placed = None;
+        }
+        state.told = finite.then_some(*told);
+        stale
+    }
+
+    /// The signals inside their gates, and whether a new one is outside.
+    fn gate(
+        &self,
+        state: &mut GuardState,
+        track: &Track,
+        told: &Signals,
+        stale: Stale,
+        elapsed: f64,
+    ) -> ([bool; SIGNALS], bool) {
+        let mut believed = [true; SIGNALS];
+        let mut contradicts = false;
+        for (i, believed) in believed.iter_mut().enumerate().take(Self::JUDGED) {
+            let off = difference(i, told[i], track.mean[i]);
+            let units = off * off / (track.covariance[(i, i)] + self.noise[i]);
+            let spread = state.spread[i].clamp(1.0, LARGEST_SPREAD);
+            let old =
+                if POSE.contains(&i) { stale.pose } else { stale.all || state.resting.is_dead(i, told) };
+            *believed = !old && units <= GATE * GATE * spread;
+            contradicts |= !old && !*believed;
+            if *believed {
+                state.spread[i] += (units - state.spread[i]) * (elapsed / MEMORY).min(1.0);
             }
         }
-        Ok(Judgement::Bridged)
+        if told.iter().all(|value| value.is_finite()) {
+            let shown = state.spread.map(|spread| spread.clamp(1.0, LARGEST_SPREAD));
+            let variance = self.noise.component_mul(&shown);
+            state.resting.observe(told, !stale.pose, &variance, self.yaw_accel, elapsed);
+        }
+        (believed, contradicts)
     }
 
     /// True if the vehicle is to be stopped: measurements were missing for too long.
@@ -575,6 +596,25 @@ impl Track {
         let gain = column / (column[signal] + noise);
         self.mean += gain * off;
         self.covariance -= gain * column.transpose();
+    }
+}
+
+/// Puts the filter's estimates in the place of what is not believed.
+fn replace(measurement: &mut Measurement, believed: &[bool; SIGNALS], estimate: &Signals) {
+    let places = [
+        &mut measurement.x,
+        &mut measurement.y,
+        &mut measurement.yaw,
+        &mut measurement.vx,
+        &mut measurement.vy,
+        &mut measurement.yaw_rate,
+        &mut measurement.articulation,
+        &mut measurement.articulation_rate,
+    ];
+    for (i, place) in places.into_iter().enumerate() {
+        if !believed[i] {
+            *place = estimate[i];
+        }
     }
 }
 

@@ -175,16 +175,31 @@ fn articulated(logs: &[DriveLog]) -> bool {
 /// Ratios of the wheelbase that a log shows to the vehicle's that gains of the steering explain.
 const OWN_WHEELBASE: std::ops::Range<f64> = 0.8..1.25;
 
-/// Words on a log without a trailer that turns as a vehicle of another wheelbase than the truck's.
-fn another_vehicle(log: &CleanLog, wheelbase: f64) -> Option<String> {
-    let (shown, error) = log.wheelbase_shown()?;
-    let is_other = !OWN_WHEELBASE.contains(&(shown / wheelbase)) && (shown - wheelbase).abs() > 5.0 * error;
-    is_other.then(|| {
-        format!(
-            "the log turns as a vehicle of {shown:.1} m wheelbase, the truck's is {wheelbase:.1} m, and there is no articulation: another \
-             vehicle drove; choose it with --vehicle"
-        )
-    })
+/// A finding on a log of another kind of vehicle than the simulator's: with a trailer, or turning as none of its wheelbase does.
+fn another_vehicle(is_articulated: bool, log: &CleanLog, kind: &str, wheelbase: f64) -> Option<Finding> {
+    let of = |signal: &str, summary: String| Finding {
+        gravity: FindingSeverity::Suspicion,
+        signal: Some(signal.to_owned()),
+        summary,
+    };
+    match (is_articulated, kind == "truck") {
+        (true, false) => Some(of(
+            "articulation",
+            "the log has an articulation angle, and the simulator is a car: choose the truck with --vehicle or --unit truck".to_owned(),
+        )),
+        (false, true) => {
+            let (shown, error) = log.wheelbase_shown()?;
+            let is_own = OWN_WHEELBASE.contains(&(shown / wheelbase)) || (shown - wheelbase).abs() < 5.0 * error;
+            (!is_own).then(|| {
+                let words = format!(
+                    "the log turns as a vehicle of {shown:.1} m wheelbase, the truck's is {wheelbase:.1} m, and there is no articulation: \
+                     another vehicle drove; choose it with --vehicle"
+                );
+                of("steer", words)
+            })
+        }
+        _ => None,
+    }
 }
 
 fn answer<P: Commanded<S, C>, const S: usize, const C: usize>(
@@ -211,18 +226,8 @@ where
     };
     let cleaned = logs.iter().map(clean_one).collect::<Result<Vec<_>, Box<dyn Error>>>()?;
     let mut clean = CleanLog::joined(cleaned)?.ok_or("give a log")?;
-    if articulated(logs) && P::KIND != "truck" {
-        let words = "the log has an articulation angle, and the simulator is a car: choose the truck with --vehicle or --unit truck";
-        let (gravity, signal) = (FindingSeverity::Suspicion, Some("articulation".to_owned()));
-        clean.findings.insert(0, Finding { gravity, signal, summary: words.to_owned() });
-    }
-    if !articulated(logs)
-        && P::KIND == "truck"
-        && let Some(words) = another_vehicle(&clean, nominal.wheelbase())
-    {
-        let (gravity, signal) = (FindingSeverity::Suspicion, Some("steer".to_owned()));
-        clean.findings.insert(0, Finding { gravity, signal, summary: words });
-    }
+    let foreign = another_vehicle(articulated(logs), &clean, P::KIND, nominal.wheelbase());
+    clean.findings.splice(0..0, foreign);
     let reference = match &args.reference {
         Some(file) => Some(clean_one(&args.reading.read(file)?)?.1),
         None => None,
