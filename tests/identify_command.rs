@@ -65,6 +65,38 @@ fn a_driven_step_and_its_record_give_the_actuator_and_the_drive_can_use_it() {
 }
 
 #[test]
+fn without_options_a_step_is_told_and_nothing_that_it_does_not_tell() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = rfl(folder.path(), &["identify", "--json=found.json"]);
+    let all = done(&output) + &command::text(&output.stderr);
+    assert!(!all.contains("degrees") && !all.contains("opposite"), "{all}");
+    let exact = model(&folder.path().join("found.json"), "dead_time_lag");
+    assert!((number(&exact, "time_constant") - 0.05).abs() < 1e-3, "{exact}");
+}
+
+#[test]
+fn a_short_part_of_a_drive_is_no_step_and_a_log_counts_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, lag) = (command::road(), ["--set", "effect.steer_lag=0.07", "--log", "whole.csv"]);
+    done(&rfl(
+        folder.path(),
+        &[&["drive", "--quiet", "--duration", "20", "--path", &path], &lag[..]].concat(),
+    ));
+    let whole = std::fs::read_to_string(folder.path().join("whole.csv")).unwrap();
+    let mut lines = whole.lines();
+    let header = lines.next().unwrap();
+    let part: Vec<&str> = std::iter::once(header).chain(lines.skip(300).take(200)).collect();
+    std::fs::write(folder.path().join("part.csv"), part.join("\n")).unwrap();
+    let error = refused(&rfl(folder.path(), &["identify", "part.csv"]));
+    assert!(error.contains("part.csv") && error.contains("at least 10 s are needed"), "{error}");
+    std::fs::copy(folder.path().join("whole.csv"), folder.path().join("again.csv")).unwrap();
+    for one in ["identify", "diagnose"] {
+        let error = refused(&rfl(folder.path(), &[one, "whole.csv", "again.csv", "--quiet"]));
+        assert!(error.contains("again.csv: the same log as whole.csv"), "{error}");
+    }
+}
+
+#[test]
 fn the_yaw_rate_tells_it_nearly_as_well() {
     let folder = tempfile::tempdir().unwrap();
     done(&rfl(folder.path(), &[&DRIVEN[..], &["--by-yaw-rate"]].concat()));

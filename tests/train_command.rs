@@ -379,6 +379,19 @@ fn bad_logs_are_refused_with_the_reason() {
 }
 
 #[test]
+fn a_trucks_log_and_a_log_that_is_given_twice_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let truck =
+        ["drive", "--quiet", "--duration", "20", "--vehicle", "truck_simulation", "--log", "truck.csv"];
+    done(&rfl(folder.path(), &truck));
+    let error = refused(&rfl(folder.path(), &["train", "truck.csv", "--quiet", "--no-proof"]));
+    assert!(error.contains("truck.csv: the log has an articulation angle"), "{error}");
+    let table = collected();
+    let error = refused(&train(folder.path(), &table, &["--test", "log.csv"]));
+    assert!(error.contains("log.csv: the same log as log.csv"), "{error}");
+}
+
+#[test]
 fn what_is_no_model_for_the_car_does_not_drive() {
     let folder = tempfile::tempdir().unwrap();
     done(&train(folder.path(), &collected(), &[]));

@@ -5,7 +5,8 @@ use crate::numerics::fnv;
 use crate::path::PathOptions;
 use crate::table::Limits;
 use clap::Args;
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 /// The size of a file from which it is refused.
 #[derive(Debug, Clone, Copy, Args)]
@@ -74,6 +75,28 @@ impl LogArgs {
             Some(rate) => log.at_rate(rate),
             None => Ok(log),
         }
+    }
+
+    /// Refuses a log that is given twice: what it says would count twice.
+    ///
+    /// # Errors
+    /// Two files with the same content.
+    pub(super) fn check_distinct<'a>(
+        &self,
+        files: impl IntoIterator<Item = &'a PathBuf>,
+    ) -> Result<(), String> {
+        let mut seen: BTreeMap<u64, &PathBuf> = BTreeMap::new();
+        for file in files {
+            // What cannot be read is said by who reads it.
+            let Ok(hash) = self.hash(file) else { continue };
+            if let Some(first) = seen.insert(hash, file) {
+                let (first, file) = (first.display(), file.display());
+                return Err(format!(
+                    "{file}: the same log as {first}, and what it says would count twice; give it once"
+                ));
+            }
+        }
+        Ok(())
     }
 
     fn given(&self, file: &Path) -> Option<&DriveLog> {

@@ -142,6 +142,7 @@ pub struct Diagnosed {
 /// # Errors
 /// As [`run`].
 pub fn diagnosed(args: &DiagnoseArgs, out: Option<&Path>) -> Result<Diagnosed, Box<dyn Error>> {
+    args.reading.check_distinct(&args.logs)?;
     let logs = args.logs.iter().map(|file| args.reading.read(file)).collect::<Result<Vec<_>, _>>()?;
     let vehicle = vehicle(args, &logs)?;
     by_kind!(&vehicle, answer(args, &vehicle, &logs, out))

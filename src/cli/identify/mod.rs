@@ -199,10 +199,11 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
             speed: step.speed,
             resolution: 0.0,
         }];
-        // A record too short for intervals has its models all the same.
-        let steering = from_drives(&drives, through).ok();
+        // A record that is no drive has its models all the same.
+        let steering = from_drives(&drives, through).ok().filter(|found| found.gain.excited);
         return Ok(IdentifiedLog { drives, findings: Vec::new(), models, steering, rows });
     }
+    args.reading.check_distinct(&args.logs)?;
     let steady = |speed: f64| steady_steering(&vehicle, speed);
     let (mut drives, mut findings, mut rows) = (Vec::new(), Vec::new(), 0);
     for file in &args.logs {

@@ -71,12 +71,12 @@ fn notes(found: &IdentifiedLog, steering: &IdentifiedSteering, args: &IdentifyAr
             crate::signal::STEER_CMD.name
         );
     }
-    let gain = steering.gain.value;
-    if gain < 0.0 {
+    let (gain, is_known) = (steering.gain.value, steering.gain.excited);
+    if is_known && gain < 0.0 {
         warn!(
             "warning: the response has the opposite sign of the command: steering is positive to the left in both"
         );
-    } else if !args.by_yaw_rate && (gain - 1.0).abs() > GAIN_ODD {
+    } else if is_known && !args.by_yaw_rate && (gain - 1.0).abs() > GAIN_ODD {
         warn!(
             "note: the angle is {gain:.4} times the command (1 to {:.2}): is one of them in degrees, or at the steering \
              wheel?",

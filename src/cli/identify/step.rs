@@ -19,7 +19,7 @@ const DURATION: f64 = 4.0;
 const SPEED_VARIES: f64 = 0.1;
 /// Time constants after which an actuator has settled.
 const SETTLED: f64 = 3.0;
-/// A log that is shorter is a record of a step, s; a longer one if its command has so few values.
+/// A log with so few values of the command is a record of a step, if it is shorter, s, or begins at rest.
 const RECORD: f64 = 10.0;
 const FEW_COMMANDS: usize = 4;
 /// Deviation of a gain from 1 from which on it is a ratio or a unit.
@@ -37,7 +37,7 @@ pub(super) struct StepColumns {
     pub first_line: usize,
 }
 
-/// True for a record of a step: short, or steady from the beginning and then of a few commands only.
+/// True for a record of a step: of a few commands only, and short or steady from the beginning.
 pub(super) fn is_record(step: &StepColumns) -> bool {
     let length = step.time.last().unwrap_or(&0.0) - step.time.first().unwrap_or(&0.0);
     // Several short drives, or a clock that stands, are no record of a step.
@@ -45,13 +45,15 @@ pub(super) fn is_record(step: &StepColumns) -> bool {
     if goes_back || step.time.len() > 1 && length == 0.0 {
         return false;
     }
-    if length.is_nan() || length < RECORD {
-        return true;
-    }
     let mut commands = step.command.clone();
     commands.sort_by(f64::total_cmp);
     commands.dedup();
-    commands.len() <= FEW_COMMANDS && SteeringRecord::new(&step.time, &step.command, &step.response).is_ok()
+    let is_step = commands.len() <= FEW_COMMANDS;
+    if length.is_nan() || length < RECORD {
+        // A part of a drive is as short.
+        return is_step;
+    }
+    is_step && SteeringRecord::new(&step.time, &step.command, &step.response).is_ok()
 }
 
 /// The models of the variant `actuator` that fit a record. `of` is the name in messages; `vehicle` is between the

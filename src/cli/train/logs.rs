@@ -8,6 +8,7 @@ use crate::log::{SteeringLog, drives_of};
 use crate::nominal::SteeringDrive;
 use crate::path::Path;
 use crate::residual::{DataReport, DataSet};
+use crate::signal::ARTICULATION;
 use std::error::Error;
 use std::path::PathBuf;
 
@@ -25,6 +26,7 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> TrainLogs<P, S, C> {
         args: &TrainArgs,
         parameters: &ControllerParametersFor<P::Nominal>,
     ) -> Result<Self, Box<dyn Error>> {
+        args.reading.check_distinct(args.logs.iter().chain(&args.test))?;
         let (vehicle, data_config) = (parameters.vehicle.nominal(), parameters.data_config());
         let reading = args.reading.limit.road();
         let road = args.path.as_deref().map(|road| Path::named(road, &reading).map(|read| (read, road)));
@@ -36,6 +38,14 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> TrainLogs<P, S, C> {
             for file in files {
                 let road = road.as_ref().map(|(road, file)| (road, *file));
                 let log = args.reading.read(file)?;
+                let bends = |angles: &[f64]| angles.iter().any(|angle| angle.abs() > 0.0);
+                if P::KIND != "truck" && log.column(ARTICULATION.name).is_some_and(bends) {
+                    return Err(format!(
+                        "{}: the log has an articulation angle, and the vehicle is a car: give the truck with --vehicle",
+                        file.display()
+                    )
+                    .into());
+                }
                 drives.extend(drives_of(&log, road, &steering, &mut |note| notes.push(note))?);
                 // What is wrong with a log was said above.
                 angles.extend(SteeringLog::by_angle(&log, &steering).into_iter().flat_map(|log| log.drives));
