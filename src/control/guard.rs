@@ -120,7 +120,7 @@ impl Track {
 
 /// What of a measurement is to the bit as a step before, in motion.
 #[derive(Debug, Clone, Copy)]
-struct Stale {
+struct OldSignals {
     all: bool,
     pose: bool,
 }
@@ -363,7 +363,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         speed: f64,
         accel: f64,
         elapsed: f64,
-    ) -> Stale {
+    ) -> OldSignals {
         let finite = told.iter().all(|value| value.is_finite());
         let moves_on = (speed + (accel + state.drift) * elapsed).abs() * elapsed > MOVES;
         let same = |signals: Range<usize>| {
@@ -375,7 +375,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         state.asked = if unchanged { [speed, way + speed * elapsed] } else { [0.0; 2] };
         let all = unchanged && (moves_on || state.asked[1] > SETS_OUT);
         let frozen_pose = told[3].hypot(told[4]) * elapsed > MOVES && same(POSE);
-        let stale = Stale { all, pose: all || frozen_pose };
+        let stale = OldSignals { all, pose: all || frozen_pose };
         let pose = [told[0], told[1], told[2]];
         state.dead_pose = if frozen_pose { Some(pose) } else { state.dead_pose.filter(|dead| *dead == pose) };
         state.waited += elapsed;
@@ -397,7 +397,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         state: &mut GuardState,
         track: &Track,
         told: &Signals,
-        stale: Stale,
+        stale: OldSignals,
         elapsed: f64,
     ) -> ([bool; SIGNALS], bool) {
         let mut believed = [true; SIGNALS];

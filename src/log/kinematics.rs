@@ -129,7 +129,7 @@ pub(super) fn course_as_yaw(log: &CleanLog) -> Option<f64> {
     let course: Vec<[f64; 4]> = (0..spans.count()).map(|k| [bend[k], -outward[k], turned[k], 1.0]).collect();
     let heading: Vec<[f64; 3]> = (0..spans.count()).map(|k| [faster[k], turned[k], 1.0]).collect();
     let changes = spans.changes(|i| yaw[i]);
-    let (course, heading) = (Fit::of(&changes, &course)?, Fit::of(&changes, &heading)?);
+    let (course, heading) = (LeastSquares::of(&changes, &course)?, LeastSquares::of(&changes, &heading)?);
     let (lever, softness) = (course.solution[0], *course.solution.get(1)?);
     let is_sure = lever > LEVER && lever > SURE_LEVER * course.error && softness > 0.0;
     (is_sure && heading.left - course.left > BETTER * course.variance()).then_some(lever)
@@ -295,11 +295,11 @@ fn first_coefficient<const N: usize>(targets: &[f64], rows: &[[f64; N]]) -> Opti
 
 /// That coefficient and its standard error.
 fn first_coefficient_within<const N: usize>(targets: &[f64], rows: &[[f64; N]]) -> Option<(f64, f64)> {
-    Fit::of(targets, rows).map(|fit| (fit.solution[0], fit.error))
+    LeastSquares::of(targets, rows).map(|fit| (fit.solution[0], fit.error))
 }
 
 /// A least-squares fit.
-struct Fit {
+struct LeastSquares {
     /// Coefficients of the columns that are not nothing.
     solution: DVector<f64>,
     /// Standard error of the first.
@@ -309,7 +309,7 @@ struct Fit {
     freedom: usize,
 }
 
-impl Fit {
+impl LeastSquares {
     fn of<const N: usize>(targets: &[f64], rows: &[[f64; N]]) -> Option<Self> {
         let finite =
             |(target, row): &(&f64, &[f64; N])| target.is_finite() && row.iter().all(|v| v.is_finite());

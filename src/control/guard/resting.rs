@@ -20,7 +20,7 @@ const SPEED: usize = 3;
 
 /// A rate that has not changed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-struct Rest {
+struct RestingRate {
     /// The measurement from which on, and for how long, s.
     since: Signals,
     age: f64,
@@ -37,7 +37,7 @@ struct Last {
 /// The rates that rest.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct Resting {
-    rates: [Option<Rest>; RATES.len()],
+    rates: [Option<RestingRate>; RATES.len()],
     last: Option<Last>,
     /// Time since the last pose, s.
     waited: f64,
@@ -69,8 +69,8 @@ impl Resting {
         self.waited += elapsed;
         for ((rate, _), rest) in RATES.into_iter().zip(&mut self.rates) {
             *rest = match rest.filter(|rest| rest.since[rate] == told[rate]) {
-                Some(rest) => Some(Rest { age: rest.age + elapsed, ..rest }),
-                None => Some(Rest { since: *told, age: 0.0, is_dead: false }),
+                Some(rest) => Some(RestingRate { age: rest.age + elapsed, ..rest }),
+                None => Some(RestingRate { since: *told, age: 0.0, is_dead: false }),
             };
         }
         if !is_new {
@@ -91,7 +91,7 @@ impl Resting {
                 by <= may_change
             });
             if !is_motion {
-                *rest = Rest { since: *told, age: 0.0, ..*rest };
+                *rest = RestingRate { since: *told, age: 0.0, ..*rest };
                 continue;
             }
             let allowed = GATE * (2.0 * variance[of]).sqrt() + (3.0 * variance[rate]).sqrt() * rest.age;

@@ -43,14 +43,14 @@ const MOST: f64 = 0.2;
 const HALF: f64 = 0.5;
 
 /// What a command is answered with.
-struct Answer {
+struct CommandAnswer {
     slope: Slope,
     /// Asked and given in each stretch, without the constant.
     asked: Vec<f64>,
     given: Vec<f64>,
 }
 
-impl Answer {
+impl CommandAnswer {
     /// By the stretches that count, at the lag that explains most; `None` where the two hardly correlate.
     fn of(log: &CleanLog, command: &[f64], given: &[f64], counts: &[bool]) -> Option<Self> {
         let counted = |values: &[f64]| -> Vec<f64> {
@@ -122,7 +122,7 @@ pub(super) fn driven(log: &CleanLog) -> Option<(&'static str, Slope)> {
     let command = log.columns.get("accel_cmd")?;
     let (by, given) = felt(log)?;
     let counts = moving(log, command).0;
-    Answer::of(log, command, &given, &counts).map(|answer| (by, answer.slope))
+    CommandAnswer::of(log, command, &given, &counts).map(|answer| (by, answer.slope))
 }
 
 /// Stretches in which a command is not at rest; all, if these are few. And the rests, as rows.
@@ -145,9 +145,9 @@ fn rests(log: &CleanLog, command: &[f64], given: &[f64], least: f64) -> Vec<Rang
     let (moves, rests) = moving(log, command);
     let is_constant = rests.iter().any(|rest| rest.len() == command.len());
     let answer = if is_constant {
-        Some(Answer::to_nothing(given))
+        Some(CommandAnswer::to_nothing(given))
     } else {
-        Answer::of(log, command, given, &moves).filter(|answer| answer.slope.factor > 0.0)
+        CommandAnswer::of(log, command, given, &moves).filter(|answer| answer.slope.factor > 0.0)
     };
     let Some(answer) = answer else { return Vec::new() };
     let elsewhere = size((0..moves.len()).filter(|&i| moves[i] && !is_constant).map(|i| answer.left(i)));
