@@ -85,6 +85,11 @@ impl LogArgs {
         &self,
         files: impl IntoIterator<Item = &'a PathBuf>,
     ) -> Result<(), String> {
+        let files: Vec<&PathBuf> = files.into_iter().collect();
+        if files.len() < 2 {
+            // A log alone need not be read once more.
+            return Ok(());
+        }
         let mut seen: BTreeMap<u64, &PathBuf> = BTreeMap::new();
         for file in files {
             // What cannot be read is said by who reads it.

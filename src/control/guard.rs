@@ -125,6 +125,11 @@ struct OldSignals {
     pose: bool,
 }
 
+/// True if every signal is a number.
+fn are_finite(told: &Signals) -> bool {
+    told.iter().all(|value| value.is_finite())
+}
+
 /// A motion that may be a new start.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct NewStart {
@@ -289,7 +294,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             self.begin(state, &told);
             return Ok(Judgement::Believed);
         };
-        let finite = told.iter().all(|value| value.is_finite());
+        let finite = are_finite(&told);
         let stale = self.find_stale(state, &told, track.mean[3], accel, elapsed);
         let scale = state.scale();
         let mut track = self.predict(&track, steer, [accel, state.drift], scale, elapsed);
@@ -364,7 +369,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         accel: f64,
         elapsed: f64,
     ) -> OldSignals {
-        let finite = told.iter().all(|value| value.is_finite());
+        let finite = are_finite(told);
         let moves_on = (speed + (accel + state.drift) * elapsed).abs() * elapsed > MOVES;
         let same = |signals: Range<usize>| {
             state.told.is_some_and(|before| signals.into_iter().all(|i| before[i] == told[i]))
@@ -414,7 +419,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
                 state.spread[i] += (units - state.spread[i]) * (elapsed / MEMORY).min(1.0);
             }
         }
-        if told.iter().all(|value| value.is_finite()) {
+        if are_finite(told) {
             let shown = state.spread.map(|spread| spread.clamp(1.0, LARGEST_SPREAD));
             let variance = self.noise.component_mul(&shown);
             state.resting.observe(told, !stale.pose, &variance, self.yaw_accel, elapsed);

@@ -66,6 +66,11 @@ impl CleanLog {
         }
     }
 
+    /// Rows of so many seconds, at least one.
+    pub(super) fn rows_in(&self, seconds: f64) -> usize {
+        ((seconds / self.step).round() as usize).max(1)
+    }
+
     /// Notes a finding about a column.
     pub(super) fn find(&mut self, gravity: FindingSeverity, column: &str, words: String) {
         self.findings.push(Finding::new(gravity, Some(column), words));

@@ -178,33 +178,31 @@ pub(super) fn vx_late(log: &CleanLog) -> Option<(f64, f64)> {
 pub(super) fn place_late(log: &CleanLog) -> Option<(f64, f64)> {
     let [x, y, yaw, vx] = ["x", "y", "yaw", "vx"].map(|name| log.columns.get(name));
     let (x, y, yaw, vx) = (x?, y?, yaw?, vx?);
+    let (told, none) = (log.columns.get("vy"), vec![0.0; vx.len()]);
+    let vy = told.unwrap_or(&none);
     let spans = Spans::of(log);
     let (cos, sin) = (spans.changes(|i| yaw[i].cos()), spans.changes(|i| yaw[i].sin()));
     let moved = [spans.changes(|i| x[i]), spans.changes(|i| y[i])];
-    let Some(vy) = log.columns.get("vy") else {
-        let (east, north) = (|i: usize| vx[i] * yaw[i].cos(), |i: usize| vx[i] * yaw[i].sin());
-        let ways = [spans.integrals(east), spans.integrals(north)];
-        let changes = [spans.changes(east), spans.changes(north)];
+    let east = |i: usize| vx[i] * yaw[i].cos() - vy[i] * yaw[i].sin();
+    let north = |i: usize| vx[i] * yaw[i].sin() + vy[i] * yaw[i].cos();
+    let ways = [spans.integrals(east), spans.integrals(north)];
+    let changes = [spans.changes(east), spans.changes(north)];
+    if told.is_none() {
         // By the heading in the middle of each span, about which the slip's part is odd.
         let [toward_x, toward_y] = [spans.means(|i| yaw[i].cos()), spans.means(|i| yaw[i].sin())];
         let along =
             |k: usize, x: f64, y: f64| (toward_x[k] * x + toward_y[k] * y) / toward_x[k].hypot(toward_y[k]);
         let targets: Vec<f64> = (0..spans.count()).map(|k| along(k, moved[0][k], moved[1][k])).collect();
-        let rows: Vec<[f64; 3]> = (0..spans.count())
-            .map(|k| {
-                [
-                    -along(k, changes[0][k], changes[1][k]),
-                    along(k, ways[0][k], ways[1][k]),
-                    along(k, -sin[k], cos[k]),
-                ]
-            })
-            .collect();
+        let row = |k: usize| {
+            [
+                -along(k, changes[0][k], changes[1][k]),
+                along(k, ways[0][k], ways[1][k]),
+                along(k, -sin[k], cos[k]),
+            ]
+        };
+        let rows: Vec<[f64; 3]> = (0..spans.count()).map(row).collect();
         return first_coefficient_within(&targets, &rows);
-    };
-    let east = |i: usize| vx[i] * yaw[i].cos() - vy[i] * yaw[i].sin();
-    let north = |i: usize| vx[i] * yaw[i].sin() + vy[i] * yaw[i].cos();
-    let ways = [spans.integrals(east), spans.integrals(north)];
-    let changes = [spans.changes(east), spans.changes(north)];
+    }
     let (mut targets, mut rows) = (Vec::new(), Vec::new());
     for (place, is_x) in moved.into_iter().zip([true, false]) {
         targets.extend(place);
@@ -244,7 +242,7 @@ struct Spans<'a> {
 
 impl<'a> Spans<'a> {
     fn of(log: &'a CleanLog) -> Self {
-        Self { log, size: ((BLOCK / log.step).round() as usize).max(1) }
+        Self { log, size: log.rows_in(BLOCK) }
     }
 
     fn count(&self) -> usize {

@@ -76,7 +76,7 @@ fn stretches(log: &CleanLog) -> Vec<Range<usize>> {
 
 /// Positive where a stretch is driven forwards, negative where backwards; `None` where nothing tells.
 fn direction(log: &CleanLog, rows: Range<usize>, steering: &dyn Fn(f64) -> f64) -> Option<f64> {
-    let size = ((BLOCK / log.step).round() as usize).max(1);
+    let size = log.rows_in(BLOCK);
     let starts: Vec<usize> = rows.step_by(size).collect();
     let blocks: Vec<Range<usize>> = starts.windows(2).map(|pair| pair[0]..pair[1]).collect();
     let mean = |name: &str| -> Option<Vec<f64>> {

@@ -130,14 +130,10 @@ fn moving(log: &CleanLog, command: &[f64]) -> (Vec<bool>, Vec<Range<usize>>) {
     let rests = repeats(command, 0..command.len(), (REST / log.step).round() as usize);
     let mut rests_at = vec![false; command.len()];
     rests.iter().for_each(|rest| rests_at[rest.clone()].fill(true));
-    let size = block_size(log);
+    let size = log.rows_in(BLOCK);
     let moves: Vec<bool> = rests_at.chunks_exact(size).map(|rows| rows.iter().any(|rests| !rests)).collect();
     let count = moves.iter().filter(|moves| **moves).count();
     (if count < FEWEST { vec![true; moves.len()] } else { moves }, rests)
-}
-
-fn block_size(log: &CleanLog) -> usize {
-    ((BLOCK / log.step).round() as usize).max(1)
 }
 
 /// Rests of a command in which the vehicle does much more than asked. `least` is the least remainder that is one.
@@ -151,7 +147,7 @@ fn rests(log: &CleanLog, command: &[f64], given: &[f64], least: f64) -> Vec<Rang
     };
     let Some(answer) = answer else { return Vec::new() };
     let elsewhere = size((0..moves.len()).filter(|&i| moves[i] && !is_constant).map(|i| answer.left(i)));
-    let rows = block_size(log);
+    let rows = log.rows_in(BLOCK);
     let is_foreign = |rest: &Range<usize>| {
         // What the actuator had been asked before is over after a while.
         let stretches = || rest.start.div_ceil(rows) + 1..rest.end / rows;

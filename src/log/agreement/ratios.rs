@@ -107,7 +107,7 @@ pub(in crate::log) fn near(factor: f64, unit: f64) -> bool {
 
 /// Means of a column over blocks of rows that all count.
 pub(super) fn blocks<'a>(log: &'a CleanLog, column: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-    let size = ((BLOCK / log.step).round() as usize).max(1);
+    let size = log.rows_in(BLOCK);
     column.chunks_exact(size).zip(log.valid.chunks_exact(size)).map(move |(values, valid)| {
         if valid.iter().all(|valid| *valid) { values.iter().sum::<f64>() / size as f64 } else { f64::NAN }
     })
@@ -165,7 +165,7 @@ pub(super) struct Errors {
 /// Change of a column over the integral of what should be its rate.
 pub(super) fn change(log: &CleanLog, what: &str, rate: &[f64]) -> Option<Slope> {
     let what = log.columns.get(what)?;
-    let size = ((BLOCK / log.step).round() as usize).max(1);
+    let size = log.rows_in(BLOCK);
     let means: Vec<f64> = blocks(log, what).collect();
     // Each step between two rows counts in the difference of two blocks' means as often as pairs of their rows span it.
     let asked = |block: usize| -> f64 {
