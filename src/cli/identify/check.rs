@@ -58,7 +58,7 @@ pub(super) fn drives<P: Commanded<S, C>, const S: usize, const C: usize>(
     let path = Arc::new(route.path()?);
     let mut effects = setup.effects.clone();
     let mut effect = |id: &str| P::effect(&mut effects, id).map_or(0.0, |value| *value);
-    let added = [effect("steer_delay"), effect("steer_lag")];
+    let added = [effect("steer_delay"), effect("steer_lag"), effect("steer_backlash")];
     let of_file = |name: &str, added: f64| number(&setup.vehicle, name).unwrap_or(0.0) + added;
     let actuator =
         |dead_time: f64, time_constant: f64| Actuator { dead_time, time_constant, ..Actuator::default() };
@@ -66,6 +66,10 @@ pub(super) fn drives<P: Commanded<S, C>, const S: usize, const C: usize>(
     let left = actuator(of_file("steering.dead_time", added[0]), of_file("steering.lag", added[1]));
     let (dead_time, lag) = (found.dead_time, found.lag);
     let sample_time = setup.controller.mpc.sample_time;
+    let mut informed = setup.controller;
+    if let Some(width) = found.backlash {
+        informed.actuator.backlash = width.value;
+    }
     [
         ("as found", known),
         ("at the lower ends", actuator(dead_time.low.max(0.0), lag.low.max(0.0))),
@@ -76,16 +80,24 @@ pub(super) fn drives<P: Commanded<S, C>, const S: usize, const C: usize>(
         let mut vehicle = setup.vehicle.clone();
         set(&mut vehicle, "steering.dead_time", (truth.dead_time - added[0]).max(0.0));
         set(&mut vehicle, "steering.lag", (truth.time_constant - added[1]).max(0.0));
-        let drive = |model: Actuator| -> Result<CheckDrive, Box<dyn Error>> {
+        if let Some(width) = found.backlash {
+            set(&mut vehicle, "steering.backlash", (width.value - added[2]).max(0.0));
+        }
+        let drive = |parameters: &_, model: Actuator| -> Result<CheckDrive, Box<dyn Error>> {
             let model = PredictionModelFor::Actuator(model);
-            let controller = ControllerFor::predicting_with(setup.controller, path.clone(), model)?;
+            let controller = ControllerFor::predicting_with(*parameters, path.clone(), model)?;
             let mut closed =
                 ClosedLoopFor::<P, S, C>::at_start(controller, &vehicle, &setup.effects, sample_time)?;
             let drive = closed.drive_until_lost(LONGEST, |_, error| error.abs() < LOST)?;
             let tracking = drive.tracking();
             Ok(CheckDrive { mean: tracking.mae, max: tracking.max, lost: drive.lost })
         };
-        Ok(CheckRow { plant, actuator: truth, known: drive(known)?, left: drive(left)? })
+        Ok(CheckRow {
+            plant,
+            actuator: truth,
+            known: drive(&informed, known)?,
+            left: drive(&setup.controller, left)?,
+        })
     })
     .collect()
 }

@@ -107,15 +107,19 @@ fn changes<P: Commanded<S, C>, const S: usize, const C: usize>(
     let mut effect = |id: &str| P::effect(&mut effects, id).map(|value| *value);
     let round = |value: f64| (value * DIGITS).round() / DIGITS;
     let mut changes = BTreeMap::new();
-    for (key, name, id, estimate) in [
-        ("dead_time", "steering.dead_time", "steer_delay", found.dead_time),
-        ("lag", "steering.lag", "steer_lag", found.lag),
-    ] {
+    let gap = found.backlash.filter(|width| width.excited);
+    for (key, name, id, unit, estimate) in [
+        ("dead_time", "steering.dead_time", "steer_delay", "s", found.dead_time),
+        ("lag", "steering.lag", "steer_lag", "s", found.lag),
+    ]
+    .into_iter()
+    .chain(gap.map(|width| ("backlash", "steering.backlash", "steer_backlash", "rad", width)))
+    {
         let added = effect(id).unwrap_or(0.0);
         if estimate.high < added {
             return Err(format!(
-                "the vehicle file's effect.{id} = {added} s alone is more than the {:.4} s that were found: take it out of \
-                 [effect]",
+                "the vehicle file's effect.{id} = {added} {unit} alone is more than the {:.4} {unit} that were found: take \
+                 it out of [effect]",
                 estimate.value
             )
             .into());

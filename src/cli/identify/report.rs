@@ -18,7 +18,7 @@ pub(super) fn print(found: &IdentifiedLog, args: &IdentifyArgs) {
     }
     let Some(steering) = &found.steering else { return };
     say!("{:<15} {:>10} {:>23}  90 % interval", "", "value", "");
-    for (name, estimate, unit) in estimates(steering) {
+    for (name, estimate, unit) in estimates(steering).into_iter().chain(backlash(steering)) {
         let Estimate { value, low, high, excited } = estimate;
         let words = if excited { "" } else { "  not excited" };
         say!("{name:<15} {value:>10.4} {:>23}  {unit}{words}", format!("{low:.4} ... {high:.4}"));
@@ -42,6 +42,10 @@ fn estimates(steering: &IdentifiedSteering) -> [(&'static str, Estimate, &'stati
         ("gain", steering.gain, ""),
         ("offset", steering.offset, "rad"),
     ]
+}
+
+fn backlash(steering: &IdentifiedSteering) -> Option<(&'static str, Estimate, &'static str)> {
+    steering.backlash.map(|width| ("backlash", width, "rad"))
 }
 
 fn notes(found: &IdentifiedLog, steering: &IdentifiedSteering, args: &IdentifyArgs) {
@@ -169,6 +173,7 @@ pub(super) fn as_json(found: &IdentifiedLog, args: &IdentifyArgs) -> Value {
     value["delay"] = number(steering.delay);
     value["gain"] = number(steering.gain);
     value["offset"] = number(steering.offset);
+    value["backlash"] = json!(steering.backlash.map(number));
     value["confidence"] = json!(0.9);
     value["rmse"] = json!(steering.rmse);
     value["explained"] = json!(steering.explained);

@@ -1,14 +1,16 @@
-//! The steering actuator from any drives: dead time, lag, gain and offset, each with an interval.
+//! The steering actuator from any drives: dead time, lag, backlash, gain and offset, each with an interval.
 //!
 //! ```text
-//! y = gain x + offset,     tau x' = u(t - T) - x
+//! y = gain P(x) + offset,     tau x' = u(t - T) - x
 //! ```
 //!
-//! `u` is the command, held from its row on; `y` the measurement at each row. The drives may begin in a bend, have
+//! `u` is the command, held from its row on; `y` the measurement at each row; `P` the gap of a backlash, if the drives
+//! show one. The drives may begin in a bend, have
 //! gaps, uneven rows, wrong rows and stretches at a rate limit:
 //!
 //! - a row whose residual stands out of those beside it is wrong and left out: errors of a model last longer;
 //! - a limit of the angle's rate is modelled if it explains clearly more;
+//! - so is a gap, which without one would pass for a long lag, if the squares fall by more than chance makes them;
 //! - where commands are recorded more slowly than they are given, a line between rows may explain much more than steps.
 //!
 //! A dead time and a lag act alike on slow commands: if only their sum is known, this is reported.
@@ -56,6 +58,8 @@ pub struct IdentifiedSteering {
     pub rows: usize,
     /// Values that were taken for wrong.
     pub left_out: Vec<LeftOut>,
+    /// Full width of the gap behind the lag, rad of the command, if the drives show one.
+    pub backlash: Option<Estimate>,
     /// The response's rate limit, rad/s, if one had to be modelled.
     pub rate_limit: Option<f64>,
     /// Assumption between rows.
@@ -115,6 +119,17 @@ const LIMIT_RATIO: f64 = 0.82;
 const LIMIT_ROUNDS: usize = 5;
 /// A rate limit must lower the error to this share of it.
 const CLEARLY_BETTER: f64 = 0.7;
+/// Number of half gaps that are tried, each this share of the one before, from half the command's range.
+const GAPS: i32 = 12;
+const GAP_RATIO: f64 = 0.6;
+/// Number of them from which the gap is refined.
+const GAP_BEGINS: usize = 3;
+/// Rounds of finding the gap and the rest in turn, and change of the gap that ends them, rad.
+const GAP_ROUNDS: usize = 12;
+const GAP_FINE: f64 = 1e-7;
+/// Half width of an interval that determines a gap, as a share, or in rad.
+const GAP_SHARE: f64 = 0.25;
+const GAP_ENOUGH: f64 = 1e-3;
 /// So must lines between rows: with steps that are steps they only raise it.
 const LINE_BETTER: f64 = 0.9;
 
@@ -144,7 +159,12 @@ impl IdentifiedSteering {
 pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteering, DrivesError> {
     let rows = checked(drives, false)?;
     let held = ActuatorProblem::new(rows.clone(), Response::angle(&rows, Between::Held));
-    let mut found = BestPoint::of(held).limited();
+    let mut found = BestPoint::of(held).with_gap();
+    let limited = found.clone().limited();
+    if limited.problem.response.rate_limit.is_finite() {
+        // What looked like a gap may have been the limit.
+        found = limited.without_gap().with_gap();
+    }
     let mut line = found.clone();
     line.problem.response = Response::angle(&rows, Between::Line);
     // A line runs half a step behind the step before it.
@@ -170,7 +190,7 @@ pub fn identify_by_yaw_rate_from_drives<V: LateralVehicle<S>, const S: usize>(
 ) -> Result<IdentifiedSteering, DrivesError> {
     let rows = checked(drives, true)?;
     let response = Response::yaw_rate(&rows, vehicle, slowest)?;
-    BestPoint::of(ActuatorProblem::new(rows, response)).identified()
+    BestPoint::of(ActuatorProblem::new(rows, response)).with_gap().identified()
 }
 
 fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<DriveRows, DrivesError> {
@@ -199,23 +219,23 @@ fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<DriveRows, Driv
 struct BestPoint {
     problem: ActuatorProblem,
     best: Point,
+    /// Rows that count before any is judged by a fit, and values left out by then.
+    given: (Vec<bool>, usize),
 }
 
 impl BestPoint {
     /// The best of all, without rows that stand out.
     fn of(mut problem: ActuatorProblem) -> Self {
         let best = problem.search();
-        Self { problem, best }.polished()
+        let given = (problem.rows.counts.clone(), problem.rows.left_out.len());
+        Self { problem, best, given }.polished()
     }
 
     /// The best near the best, without rows that stand out.
     fn polished(mut self) -> Self {
-        // Each round judges all rows anew: a rough fit is no judge for good.
-        let (counts, left_out) = (self.problem.rows.counts.clone(), self.problem.rows.left_out.len());
         for round in 0..ROUNDS {
             let before = self.problem.rows.counts.clone();
-            self.problem.rows.left_out.truncate(left_out);
-            self.leave_out_outliers(&counts);
+            self.leave_out_outliers();
             let changed = before != self.problem.rows.counts;
             let (dead_times, lags) = if round == 0 { (0.02, 0.04) } else { (4e-3, 8e-3) };
             self.best = self.problem.refine(&self.best, dead_times, lags);
@@ -240,12 +260,13 @@ impl BestPoint {
         (self.best.cost / self.problem.rows.counted().max(1) as f64).sqrt()
     }
 
-    /// Takes out those of some rows whose residual stands out.
-    fn leave_out_outliers(&mut self, all: &[bool]) {
+    /// Takes out rows whose residual stands out. All are judged anew: a rough fit is no judge for good.
+    fn leave_out_outliers(&mut self) {
         let least = self.rms();
         self.problem.residuals(&self.best);
         let ActuatorProblem { rows, residual, .. } = &mut self.problem;
-        rows.counts.copy_from_slice(all);
+        rows.counts.copy_from_slice(&self.given.0);
+        rows.left_out.truncate(self.given.1);
         let stretches: Vec<_> = rows.stretches().collect();
         let mut off = vec![0.0; rows.time.len()];
         for stretch in stretches {
@@ -322,6 +343,72 @@ impl BestPoint {
         self
     }
 
+    /// The same without a gap.
+    fn without_gap(mut self) -> Self {
+        self.problem.response.half_gap = None;
+        self.best = self.problem.refine(&self.best, 0.02, 0.04);
+        self.polished()
+    }
+
+    /// With a gap, if the drives show one.
+    fn with_gap(self) -> Self {
+        if self.rms() < 10.0 * LEAST_NOISE {
+            return self;
+        }
+        let part = self.problem.part();
+        let given = (part.rows.counts.clone(), 0);
+        let mut part = Self { problem: part, best: Point { cost: f64::INFINITY, ..self.best }, given };
+        let widest = part.problem.rows.half_range();
+        let mut begins = Vec::new();
+        for half in (0..GAPS).map(|k| widest * GAP_RATIO.powi(k)).chain([0.0]) {
+            part.problem.response.half_gap = Some(half);
+            begins.push((half, part.problem.coarse(&self.best)));
+        }
+        begins.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+        begins.truncate(GAP_BEGINS);
+        // Squares of a gap have more than one valley.
+        for (half, best) in begins {
+            let mut begun = part.clone();
+            begun.problem.response.half_gap = Some(half);
+            begun.best = begun.problem.refine(&best, 0.02, 0.04);
+            let begun = begun.gap_refined();
+            if begun.best.cost < part.best.cost {
+                part = begun;
+            }
+        }
+        let mut other = self.clone();
+        other.problem.response.half_gap = part.problem.response.half_gap;
+        other.best = other.problem.refine(&part.best, 0.02, 0.04);
+        let mut other = other.gap_refined().polished().gap_refined();
+        // Both by the same rows.
+        let mut none = self.clone();
+        none.problem.rows.counts.clone_from(&other.problem.rows.counts);
+        none.best = none.problem.refine(&self.best, 0.02, 0.04);
+        let noise = FitNoise::of(&mut other.problem.clone(), &other.best);
+        if none.problem.is_worse(&none.best, &mut other.problem.clone(), &other.best, &noise) {
+            other
+        } else {
+            self
+        }
+    }
+
+    /// The gap and the rest in turn: the gap's column says how far the gap is off.
+    fn gap_refined(mut self) -> Self {
+        let place = self.problem.response.gap_column();
+        let mut windows = (0.01, 0.02);
+        for _ in 0..GAP_ROUNDS {
+            let Some(half) = self.problem.response.half_gap else { break };
+            let wider = (half + self.best.beta[place] / self.best.beta[0]).max(0.0);
+            if !wider.is_finite() || (wider - half).abs() < GAP_FINE {
+                break;
+            }
+            self.problem.response.half_gap = Some(wider);
+            self.best = self.problem.refine(&self.best, windows.0, windows.1);
+            windows = (0.7 * windows.0, 0.7 * windows.1);
+        }
+        self
+    }
+
     fn identified(mut self) -> Result<IdentifiedSteering, DrivesError> {
         let rows = self.problem.rows.counted();
         let variance: f64 = self
@@ -349,6 +436,13 @@ impl BestPoint {
                 .fold(0.0, f64::max)
         };
         let gain = self.linear(&best, 0, &noise, spread(&|point| point.beta[0]));
+        let backlash = self.problem.response.half_gap.map(|half| {
+            let place = self.problem.response.gap_column();
+            let off = self.linear(&best, place, &noise, spread(&|point| point.beta[place]));
+            let mut width = off.map(|off| (2.0 * (half + off / best.beta[0])).max(0.0));
+            width.sort_by(f64::total_cmp);
+            width
+        });
         let place = self.problem.response.offset_column();
         let mut offset = self.linear(&best, place, &noise, spread(&|point| point.beta[place]));
         if self.problem.response.free {
@@ -374,6 +468,7 @@ impl BestPoint {
             explained,
             rows,
             left_out: std::mem::take(&mut self.problem.rows.left_out),
+            backlash: backlash.map(|width| estimate(width, GAP_ENOUGH.max(GAP_SHARE * width[1]))),
             rate_limit: Some(self.problem.response.rate_limit * best.beta[0].abs())
                 .filter(|limit| limit.is_finite()),
             between: self.problem.response.between,

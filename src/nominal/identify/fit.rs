@@ -12,12 +12,12 @@
 //! Source: Golub and Pereyra, Separable nonlinear least squares, Inverse Problems 2003.
 
 use super::record::golden_section;
-use super::response::Response;
+use super::response::{Answer, Response};
 use super::rows::{DriveRows, ranges};
 use nalgebra::{SMatrix, SVector};
 
 /// Most columns.
-const COLUMNS: usize = 4;
+const COLUMNS: usize = 5;
 /// Longest dead time that is looked for, s.
 pub(super) const LONGEST_DEAD_TIME: f64 = 1.0;
 /// Longest lag that is looked for, s.
@@ -58,7 +58,7 @@ pub(super) struct Point {
 pub(super) struct ActuatorProblem {
     pub rows: DriveRows,
     pub response: Response,
-    answer: Vec<f64>,
+    answer: Answer,
     /// A residual that is asked for.
     pub residual: Vec<f64>,
 }
@@ -127,16 +127,21 @@ impl Normal {
 impl ActuatorProblem {
     pub fn new(rows: DriveRows, response: Response) -> Self {
         let room = vec![0.0; rows.time.len()];
-        Self { rows, response, answer: room.clone(), residual: room }
+        let answer = Answer { angle: room.clone(), by_gap: room.clone() };
+        Self { rows, response, answer, residual: room }
     }
 
     fn columns(&self, row: usize) -> [f64; COLUMNS] {
         let mut x = [0.0; COLUMNS];
-        x[0] = self.answer[row];
+        x[0] = self.answer.angle[row];
         let mut place = 1;
         if let Some(varies) = self.response.varies.get(row) {
             x[1] = x[0] * varies;
             place = 2;
+        }
+        if self.response.half_gap.is_some() {
+            x[place] = self.answer.by_gap[row];
+            place += 1;
         }
         for fixed in &self.response.fixed {
             x[place] = fixed[row];

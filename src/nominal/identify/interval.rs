@@ -15,7 +15,9 @@ use super::fit::{ActuatorProblem, LEAST_NOISE, Point};
 
 /// 90 % of a chi-squared variable of one degree of freedom is below this.
 const CHI2: f64 = 2.7055;
-/// The same of a Gaussian's magnitude.
+/// 99 % is below this: more is a parameter's doing.
+const CHI2_CLEAR: f64 = 6.6349;
+/// 90 % of a Gaussian's magnitude is below this.
 pub(super) const GAUSS: f64 = 1.6449;
 /// Autocorrelation below which rows count as independent.
 const INDEPENDENT: f64 = 0.1;
@@ -125,6 +127,13 @@ impl ActuatorProblem {
         self.residuals(point);
         let counts = &self.rows.counts;
         self.residual.iter().zip(counts).filter(|(_, counts)| **counts).map(|(r, _)| *r).collect()
+    }
+
+    /// True if another problem's best, with one more parameter, fits the same rows better than chance makes it.
+    pub fn is_worse(&mut self, best: &Point, other: &mut Self, better: &Point, noise: &FitNoise) -> bool {
+        let (of_less, of_more) = (self.counted_residuals(best), other.counted_residuals(better));
+        let v: Vec<f64> = of_less.iter().zip(&of_more).map(|(less, more)| less - more).collect();
+        best.cost - better.cost > noise.variance * CHI2_CLEAR * noise.inflation(&v)
     }
 
     /// The interval along a parameter.

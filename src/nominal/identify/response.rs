@@ -4,7 +4,9 @@
 //! tau x' = u(t - T) - x          u held from each row on, or on a line between rows
 //! ```
 //!
-//! A rate limit, where there is one, governs as long as the command is far: `x' = +-rate` for `|u - x| > rate tau`.
+//! A rate limit, where there is one, governs as long as the command is far: `x' = +-rate` for `|u - x| > rate tau`. A
+//! gap of width `2 h` behind the lag, backlash, holds the answer back: `y = clamp(y before, x - h, x + h)`. Its
+//! derivative by `h` is -1 after a motion to the left, 1 after one to the right.
 //!
 //! Rows need not be even: between the instants at which a command arrives the answer has a closed form. Behind a vehicle,
 //! whose speed varies, the lateral velocity and yaw rate follow the angle's mean over each step,
@@ -32,6 +34,8 @@ pub(super) struct Response {
     pub between: Between,
     /// Limit of the answer's rate, rad/s of the command; infinite for none. Only of commands that are held.
     pub rate_limit: f64,
+    /// Half the width of a gap behind the lag, in the command's unit; its derivative is then a column. None: no gap.
+    pub half_gap: Option<f64>,
     /// The answer times this is a column, too: a gain that varies with speed. Empty for none.
     pub varies: Vec<f64>,
     /// Columns that stay.
@@ -39,6 +43,15 @@ pub(super) struct Response {
     /// True if the actuator's state at a piece's beginning shows in the response as such.
     pub free: bool,
     vehicle: Option<Sampled>,
+}
+
+/// The answer to the commands at each row.
+#[derive(Debug, Clone)]
+pub(super) struct Answer {
+    /// With a gain of 1.
+    pub angle: Vec<f64>,
+    /// Its derivative by half the gap, where there is one.
+    pub by_gap: Vec<f64>,
 }
 
 /// A vehicle sampled at the speed of each row.
@@ -58,6 +71,7 @@ impl Response {
             between,
             varies: Vec::new(),
             rate_limit: f64::INFINITY,
+            half_gap: None,
             fixed: vec![vec![1.0; rows.time.len()]],
             free: true,
             vehicle: None,
@@ -86,13 +100,14 @@ impl Response {
         let mut response = Self {
             between: Between::Held,
             rate_limit: f64::INFINITY,
+            half_gap: None,
             varies: Vec::new(),
             fixed: Vec::new(),
             free: false,
             vehicle: Some(Sampled { size, models, bin, step }),
         };
         let mut steady = vec![0.0; rows.time.len()];
-        response.drive(rows, &mut steady, |_, _| 1.0);
+        response.drive(rows, 1.0, &mut steady, |_, _| 1.0);
         // The gain is that at the speeds at which the drives turn.
         let (mut sum, mut weight) = (0.0, 0.0);
         for row in (0..rows.time.len()).filter(|&row| rows.counts[row]) {
@@ -121,57 +136,68 @@ impl Response {
 
     /// Number of columns.
     pub fn columns(&self) -> usize {
-        1 + usize::from(!self.varies.is_empty()) + self.fixed.len()
+        self.offset_column() + self.fixed.len()
+    }
+
+    /// Place of the column whose factor is a change of half the gap times the gain; only of a response with a gap.
+    pub fn gap_column(&self) -> usize {
+        1 + usize::from(!self.varies.is_empty())
     }
 
     /// Place of the column whose factor is the steering's offset times the gain, or the offset itself.
     pub fn offset_column(&self) -> usize {
-        1 + usize::from(!self.varies.is_empty())
+        self.gap_column() + usize::from(self.half_gap.is_some())
     }
 
-    /// The answer at each row with a gain of 1.
-    pub fn fill(&self, rows: &DriveRows, dead_time: f64, lag: f64, out: &mut [f64]) {
+    /// The answer at each row with a gain of 1; with a gap its derivative by half the gap, too.
+    pub fn fill(&self, rows: &DriveRows, dead_time: f64, lag: f64, answer: &mut Answer) {
         if self.vehicle.is_none() {
             for stretch in rows.stretches() {
                 let mut actuator = Walk::new(rows, &stretch, self, dead_time, lag);
-                out[stretch.start] = actuator.x;
-                let further = stretch.start + 1..stretch.end;
-                for (answer, &time) in out[further.clone()].iter_mut().zip(&rows.time[further]) {
-                    actuator.to(time);
-                    *answer = actuator.x;
+                for row in stretch {
+                    actuator.to(rows.time[row]);
+                    answer.angle[row] = actuator.y;
+                    answer.by_gap[row] = actuator.by_gap;
                 }
             }
             return;
         }
-        let mut walk: Option<Walk> = None;
-        self.drive(rows, out, |stretch, row| {
-            if row == stretch.start {
-                walk = Some(Walk::new(rows, stretch, self, dead_time, lag));
-            }
-            let Some(walk) = &mut walk else { return 0.0 };
-            let begin = walk.area;
-            let from = rows.time[row];
-            let to = if row + 1 < stretch.end { rows.time[row + 1] } else { from };
-            if to <= from {
-                return walk.x;
-            }
-            walk.to(to);
-            (walk.area - begin) / (to - from)
-        });
+        let means = |begin: f64, area: fn(&Walk) -> f64, now: fn(&Walk) -> f64, out: &mut [f64]| {
+            let mut walk: Option<Walk> = None;
+            self.drive(rows, begin, out, |stretch, row| {
+                if row == stretch.start {
+                    walk = Some(Walk::new(rows, stretch, self, dead_time, lag));
+                }
+                let Some(walk) = &mut walk else { return 0.0 };
+                let begin = area(walk);
+                let from = rows.time[row];
+                let to = if row + 1 < stretch.end { rows.time[row + 1] } else { from };
+                if to <= from {
+                    return now(walk);
+                }
+                walk.to(to);
+                (area(walk) - begin) / (to - from)
+            });
+        };
+        means(1.0, |walk| walk.area, |walk| walk.y, &mut answer.angle);
+        if self.half_gap.is_some() {
+            means(0.0, |walk| walk.area_by_gap, |walk| walk.by_gap, &mut answer.by_gap);
+        }
     }
 
-    /// Drives the vehicle with a mean angle for each step; gives the yaw rate at each row.
+    /// Drives the vehicle with a mean angle for each step; gives the yaw rate at each row. Each stretch begins as if this
+    /// share of its first command had stood: less is left to be forgotten.
     fn drive(
         &self,
         rows: &DriveRows,
+        begin: f64,
         out: &mut [f64],
         mut angle: impl FnMut(&std::ops::Range<usize>, usize) -> f64,
     ) {
         let Some(Sampled { size, models, bin, step }) = &self.vehicle else { return };
         for stretch in rows.stretches() {
             let mut z = [0.0; 4];
-            let first = rows.command[stretch.start];
-            // Begin as if the first command had stood: less is left to be forgotten.
+            let first = begin * rows.command[stretch.start];
             for _ in 0..(1.0 / step).ceil() as usize {
                 z = next(&models[usize::from(bin[stretch.start])], *size, &z, first);
             }
@@ -221,14 +247,20 @@ struct Walk<'a> {
     end: usize,
     between: Between,
     rate_limit: f64,
+    half_gap: Option<f64>,
     dead_time: f64,
     lag: f64,
     /// The command that arrived last.
     arrived: usize,
     now: f64,
+    /// Before the gap.
     x: f64,
-    /// Integral of `x`.
+    /// Behind it, and its derivative by half the gap.
+    y: f64,
+    by_gap: f64,
+    /// Integrals of both.
     area: f64,
+    area_by_gap: f64,
     /// Decays of the last two durations: an even clock needs no more.
     decays: [(f64, f64); 2],
 }
@@ -246,12 +278,16 @@ impl<'a> Walk<'a> {
             end: stretch.end,
             between: response.between,
             rate_limit: response.rate_limit,
+            half_gap: response.half_gap,
             dead_time,
             lag: if lag < NO_LAG { 0.0 } else { lag },
             arrived: stretch.start,
             now: rows.time[stretch.start],
             x: rows.command[stretch.start],
+            y: rows.command[stretch.start],
+            by_gap: 0.0,
             area: 0.0,
+            area_by_gap: 0.0,
             decays: [(-1.0, 0.0); 2],
         }
     }
@@ -269,23 +305,43 @@ impl<'a> Walk<'a> {
         self.follow(time);
     }
 
+    /// Through lag and gap; the motion is monotone between commands, so that the gap acts at its end.
     fn follow(&mut self, until: f64) {
         let duration = until - self.now;
         if duration <= 0.0 {
             return;
         }
+        let area = self.lag_until(until);
+        let Some(half) = self.half_gap else {
+            self.area += area;
+            self.y = self.x;
+            return;
+        };
+        let before = self.y;
+        self.y = before.clamp(self.x - half, self.x + half);
+        if self.y != before {
+            self.by_gap = (before - self.y).signum();
+        }
+        self.area += 0.5 * (before + self.y) * duration;
+        self.area_by_gap += self.by_gap * duration;
+    }
+
+    /// Goes on to a time before the gap; gives the integral on the way.
+    fn lag_until(&mut self, until: f64) -> f64 {
+        let duration = until - self.now;
+        let mut area = 0.0;
         let (from, slope) = self.input();
         // Farther from the command than this the limit governs, nearer the lag.
         let gap = from - self.x;
         if self.rate_limit.is_finite() && gap.abs() > self.rate_limit * self.lag {
             let moving = ((gap.abs() - self.rate_limit * self.lag) / self.rate_limit).min(duration);
             let moved = self.rate_limit * moving * gap.signum();
-            self.area += (self.x + 0.5 * moved) * moving;
+            area += (self.x + 0.5 * moved) * moving;
             self.x += moved;
             self.now += moving;
             if moving >= duration {
                 self.now = until;
-                return;
+                return area;
             }
         }
         let duration = until - self.now;
@@ -295,13 +351,14 @@ impl<'a> Walk<'a> {
             // Of a ramp the answer runs behind by the lag.
             let behind = slope * self.lag;
             let off = self.x - from + behind;
-            self.area += (0.5 * (from + to) - behind) * duration + off * self.lag * (1.0 - decay);
+            area += (0.5 * (from + to) - behind) * duration + off * self.lag * (1.0 - decay);
             self.x = to - behind + off * decay;
         } else {
-            self.area += 0.5 * (from + to) * duration;
+            area += 0.5 * (from + to) * duration;
             self.x = to;
         }
         self.now = until;
+        area
     }
 
     /// The delayed command now, and its slope.

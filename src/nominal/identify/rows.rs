@@ -175,6 +175,15 @@ impl DriveRows {
         self.counts.iter().filter(|counts| **counts).count()
     }
 
+    /// Half the range of the commands, rad.
+    pub fn half_range(&self) -> f64 {
+        let (low, high) = self
+            .command
+            .iter()
+            .fold((0.0_f64, 0.0_f64), |(low, high), value| (low.min(*value), high.max(*value)));
+        0.5 * (high - low)
+    }
+
     /// Blocks with the most motion of the command, of about `limit` rows together, and their places.
     pub fn most_moved(&self, limit: usize, block: usize) -> (Self, Vec<usize>) {
         let mut blocks: Vec<(f64, std::ops::Range<usize>)> = Vec::new();
