@@ -218,7 +218,8 @@ impl Read {
         mend_turning(&mended.time, &mut mended.columns, &mut factors, &mut mended.findings);
         copied::leave_out(&mut mended);
         averaged::leave_out(&mut mended);
-        fill_in(&mut mended);
+        held::mend(&mut mended);
+        coarse::mend(&mut mended);
         leave_out_faults(&mut mended);
         let LogRows { columns, spans, findings, left_out, in_file, coarse, .. } = mended;
         let factors_in_mended = factors.clone();
@@ -269,12 +270,6 @@ impl MendedFile {
         }
         columns
     }
-}
-
-/// Puts lines in the place of values that a recorder has filled in or rounded.
-pub(super) fn fill_in(log: &mut LogRows) {
-    held::mend(log);
-    coarse::mend(log);
 }
 
 /// Leaves out what is no measurement.

@@ -43,11 +43,6 @@ impl Coarseness {
     pub(super) fn of(step: f64, lasting: f64) -> Self {
         Self { deviation: step / 12.0_f64.sqrt(), lasting }
     }
-
-    /// The step.
-    pub(super) fn step(&self) -> f64 {
-        self.deviation * 12.0_f64.sqrt()
-    }
 }
 
 impl CleanLog {

@@ -54,14 +54,14 @@ pub(super) fn mend(log: &mut LogRows) {
         }
         let coarseness = Coarseness::of(step, rests * log.spacing);
         log.coarse.insert(name, coarseness);
-        let taken = if name == COMMAND {
-            "what lies between is not known"
+        let unknown = if name == COMMAND {
+            ": what lies between is not known"
         } else {
             log.spans.iter().for_each(|span| lay_lines(&mut values[span.clone()]));
-            "lines through them are taken"
+            ""
         };
         let words = format!(
-            "{name} is written in steps of {step:.4}: {taken}, with a standard deviation of {:.4}",
+            "{name} is written in steps of {step:.4}, a standard deviation of {:.4}{unknown}",
             coarseness.deviation
         );
         log.find(FindingSeverity::Note, name, words);

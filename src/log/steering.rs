@@ -6,11 +6,13 @@
 
 use super::agreement::near;
 use super::averaged;
-use super::clean::{fill_in, leave_out_faults};
-use super::clean_log::{CleanError, CleanLog, Coarseness, UnusableLog};
+use super::clean::leave_out_faults;
+use super::clean_log::{CleanError, CleanLog, UnusableLog};
 use super::clock;
+use super::coarse;
 use super::copied;
 use super::finding::{Finding, FindingSeverity};
+use super::held;
 use super::join::JUMP;
 use super::outliers;
 use super::read::DriveLog;
@@ -82,15 +84,20 @@ impl SteeringLog {
                     if let Some(words) = copied::copy(&rows).or_else(|| averaged::contradiction(&rows)) {
                         return Err(unusable(CleanError::Suspect { words }));
                     }
-                    fill_in(&mut rows);
+                    held::mend(&mut rows);
+                    let written = rows.columns["steer"].clone();
+                    coarse::mend(&mut rows);
                     leave_out_faults(&mut rows);
+                    // A line through the steps of a number begins before the number does: it would make the lag longer.
+                    let angles = rows.columns.get_mut("steer").into_iter().flatten();
+                    angles
+                        .zip(written)
+                        .filter(|(angle, _)| angle.is_finite())
+                        .for_each(|(angle, it)| *angle = it);
                     found.findings.append(&mut rows.findings);
                     let commands = clock.time.iter().copied().zip(rows.columns["steer_cmd"].iter().copied());
                     stated.push(commands.filter(|(_, command)| command.is_finite()).collect());
-                    let step = rows.coarse.get("steer").map_or(0.0, Coarseness::step);
-                    let resolution = factors[1].abs() * step;
-                    let drive = drive(name.clone(), &clock.time, &rows.columns, factors);
-                    found.drives.push(SteeringDrive { resolution, ..drive });
+                    found.drives.push(drive(name.clone(), &clock.time, &rows.columns, factors));
                 }
                 Err(error) => errors.push(error),
             }
@@ -140,7 +147,6 @@ impl SteeringLog {
             response: response[edge[0]..edge[1]].to_vec(),
             speed: speed[edge[0]..edge[1]].to_vec(),
             time: clean.time[edge[0]..edge[1]].to_vec(),
-            resolution: 0.0,
         };
         Ok(Self { drives: edges.windows(2).map(part).collect(), findings: clean.findings })
     }

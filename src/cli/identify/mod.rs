@@ -197,7 +197,6 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
             steer_cmd: step.command,
             response: step.response,
             speed: step.speed,
-            resolution: 0.0,
         }];
         // A record that is no drive has its models all the same.
         let steering = from_drives(&drives, through).ok().filter(|found| found.gain.excited);
@@ -253,7 +252,6 @@ fn part_of(drive: SteeringDrive, args: &IdentifyArgs) -> SteeringDrive {
         response: part(&drive.response),
         speed: part(&drive.speed),
         name: drive.name,
-        resolution: drive.resolution,
     }
 }
 

@@ -15,13 +15,13 @@
 //!
 //! A dead time and a lag act alike on slow commands: if only their sum is known, this is reported.
 
+use super::best_point::BestPoint;
 use super::fit::{ActuatorProblem, LEAST_NOISE, LONGEST_DEAD_TIME, LONGEST_LAG, Point};
 use super::interval::{Along, Ends, FitNoise, GAUSS};
 use super::response::Response;
 use super::rows::DriveRows;
 use super::steering_drive::{Between, LeftOut, SteeringDrive};
 use crate::nominal::{Actuator, DeadTimeModel, LateralVehicle, SingleTrackError};
-use crate::numerics::statistics::upper_median;
 
 /// A number with its 90 % confidence interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -99,38 +99,12 @@ const GAIN_SHARE: f64 = 0.05;
 const OFFSET_ENOUGH: f64 = 2e-3;
 /// Least explained share of a valid fit, for a command whose effect would be seen.
 const LEAST_SHARE: f64 = 0.5;
-/// Number of rows on each side for the expected residual of one.
-const BESIDE: usize = 4;
-/// Distance of a wrong residual from those beside it, in typical distances, and as a share of all.
-const OUTLYING: f64 = 8.0;
-const OUTLYING_SHARE: f64 = 0.3;
-/// Differences of residuals below this are rounding, rad or rad/s.
-const ROUNDING: f64 = 1e-5;
 /// Rise of the squares that counts as flat, as a share of the noise's variance.
 const FLAT: f64 = 0.5;
-/// Window of the last search, s.
-const FINE: f64 = 3e-4;
-/// Rounds of looking for wrong rows.
-const ROUNDS: usize = 3;
-/// Number of rate limits that are tried, each this share of the one before, from the greatest observed rate.
-const LIMITS: i32 = 12;
-const LIMIT_RATIO: f64 = 0.82;
-/// Rounds of finding the limit and the rest in turn.
-const LIMIT_ROUNDS: usize = 5;
-/// A rate limit must lower the error to this share of it.
-const CLEARLY_BETTER: f64 = 0.7;
-/// Number of half gaps that are tried, each this share of the one before, from half the command's range.
-const GAPS: i32 = 12;
-const GAP_RATIO: f64 = 0.6;
-/// Number of them from which the gap is refined.
-const GAP_BEGINS: usize = 3;
-/// Rounds of finding the gap and the rest in turn, and change of the gap that ends them, rad.
-const GAP_ROUNDS: usize = 12;
-const GAP_FINE: f64 = 1e-7;
 /// Half width of an interval that determines a gap, as a share, or in rad.
 const GAP_SHARE: f64 = 0.25;
 const GAP_ENOUGH: f64 = 1e-3;
-/// So must lines between rows: with steps that are steps they only raise it.
+/// Lines between rows must lower the error to this share of it: with steps that are steps they only raise it.
 const LINE_BETTER: f64 = 0.9;
 
 impl IdentifiedSteering {
@@ -159,12 +133,7 @@ impl IdentifiedSteering {
 pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteering, DrivesError> {
     let rows = checked(drives, false)?;
     let held = ActuatorProblem::new(rows.clone(), Response::angle(&rows, Between::Held));
-    let mut found = BestPoint::of(held).with_gap();
-    let limited = found.clone().limited();
-    if limited.problem.response.rate_limit.is_finite() {
-        // What looked like a gap may have been the limit.
-        found = limited.without_gap().with_gap();
-    }
+    let mut found = BestPoint::of(held).with_gap_and_limit();
     let mut line = found.clone();
     line.problem.response = Response::angle(&rows, Between::Line);
     // A line runs half a step behind the step before it.
@@ -214,201 +183,7 @@ fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<DriveRows, Driv
     }
 }
 
-/// A problem with its best point.
-#[derive(Debug, Clone)]
-struct BestPoint {
-    problem: ActuatorProblem,
-    best: Point,
-    /// Rows that count before any is judged by a fit, and values left out by then.
-    given: (Vec<bool>, usize),
-}
-
 impl BestPoint {
-    /// The best of all, without rows that stand out.
-    fn of(mut problem: ActuatorProblem) -> Self {
-        let best = problem.search();
-        let given = (problem.rows.counts.clone(), problem.rows.left_out.len());
-        Self { problem, best, given }.polished()
-    }
-
-    /// The best near the best, without rows that stand out.
-    fn polished(mut self) -> Self {
-        for round in 0..ROUNDS {
-            let before = self.problem.rows.counts.clone();
-            self.leave_out_outliers();
-            let changed = before != self.problem.rows.counts;
-            let (dead_times, lags) = if round == 0 { (0.02, 0.04) } else { (4e-3, 8e-3) };
-            self.best = self.problem.refine(&self.best, dead_times, lags);
-            if !changed && round > 0 {
-                break;
-            }
-        }
-        for _ in 0..ROUNDS {
-            let before = self.best;
-            self.best = self.problem.refine(&before, FINE, 2.0 * FINE);
-            if (self.best.dead_time - before.dead_time).abs().max((self.best.lag - before.lag).abs())
-                < 0.5 * FINE
-            {
-                break;
-            }
-        }
-        self
-    }
-
-    /// Root of the mean squared residual of the rows that count.
-    fn rms(&self) -> f64 {
-        (self.best.cost / self.problem.rows.counted().max(1) as f64).sqrt()
-    }
-
-    /// Takes out rows whose residual stands out. All are judged anew: a rough fit is no judge for good.
-    fn leave_out_outliers(&mut self) {
-        let least = self.rms();
-        self.problem.residuals(&self.best);
-        let ActuatorProblem { rows, residual, .. } = &mut self.problem;
-        rows.counts.copy_from_slice(&self.given.0);
-        rows.left_out.truncate(self.given.1);
-        let stretches: Vec<_> = rows.stretches().collect();
-        let mut off = vec![0.0; rows.time.len()];
-        for stretch in stretches {
-            let counted: Vec<usize> = stretch.filter(|&row| rows.counts[row]).collect();
-            for (i, &row) in counted.iter().enumerate() {
-                let from = i.saturating_sub(BESIDE);
-                let mut beside: Vec<f64> = counted[from..(i + BESIDE + 1).min(counted.len())]
-                    .iter()
-                    .map(|&row| residual[row])
-                    .collect();
-                off[row] = (residual[row] - upper_median(&mut beside)).abs();
-            }
-        }
-        let mut typical: Vec<f64> =
-            (0..off.len()).filter(|&row| rows.counts[row]).map(|row| off[row]).collect();
-        let limit =
-            (OUTLYING * 1.4826 * upper_median(&mut typical)).max(OUTLYING_SHARE * least).max(ROUNDING);
-        for (row, off) in off.iter().enumerate() {
-            let (drive, place) = rows.origin[row];
-            if rows.counts[row] && *off > limit.max(rows.resolutions[drive as usize]) {
-                rows.counts[row] = false;
-                let value = rows.response[row] + rows.mean;
-                rows.left_out.push(LeftOut { drive, row: place, signal: "response", value });
-            }
-        }
-    }
-
-    /// Finds a rate limit, if one explains the response clearly better.
-    fn limited(mut self) -> Self {
-        // What is exact has no limit.
-        if self.rms() < 10.0 * LEAST_NOISE {
-            return self;
-        }
-        let least = self.rms();
-        let mut part = self.problem.part();
-        let greatest = self.problem.greatest_rate() / self.best.beta[0].abs().max(1e-9);
-        let mut best = (f64::INFINITY, part.coarse(&self.best));
-        let without = best.1.cost;
-        for k in 0..LIMITS {
-            let limit = greatest * LIMIT_RATIO.powi(k);
-            part.response.rate_limit = limit;
-            let found = part.coarse(&self.best);
-            if found.cost < best.1.cost {
-                best = (limit, found);
-            }
-        }
-        let clear = CLEARLY_BETTER * CLEARLY_BETTER * without;
-        if best.1.cost.is_nan() || best.1.cost >= clear {
-            return self;
-        }
-        // Limit and the rest in turn.
-        let (mut limit, mut ratio) = (best.0, LIMIT_RATIO);
-        let mut other = self.clone();
-        other.best = best.1;
-        for _ in 0..LIMIT_ROUNDS {
-            other.problem.response.rate_limit = limit;
-            other.best = other.problem.refine(&other.best, 0.01, 0.02);
-            for _ in 0..2 {
-                for factor in [ratio, 1.0 / ratio] {
-                    other.problem.response.rate_limit = limit * factor;
-                    let found = other.problem.lag_for(other.best.dead_time, other.best.lag, 5e-3);
-                    if found.cost < other.best.cost {
-                        (limit, other.best) = (limit * factor, found);
-                    }
-                }
-                ratio = ratio.sqrt();
-            }
-        }
-        other.problem.response.rate_limit = limit;
-        let other = other.polished();
-        if other.rms() < CLEARLY_BETTER * least {
-            self = other;
-        }
-        self
-    }
-
-    /// The same without a gap.
-    fn without_gap(mut self) -> Self {
-        self.problem.response.half_gap = None;
-        self.best = self.problem.refine(&self.best, 0.02, 0.04);
-        self.polished()
-    }
-
-    /// With a gap, if the drives show one.
-    fn with_gap(self) -> Self {
-        if self.rms() < 10.0 * LEAST_NOISE {
-            return self;
-        }
-        let part = self.problem.part();
-        let given = (part.rows.counts.clone(), 0);
-        let mut part = Self { problem: part, best: Point { cost: f64::INFINITY, ..self.best }, given };
-        let widest = part.problem.rows.half_range();
-        let mut begins = Vec::new();
-        for half in (0..GAPS).map(|k| widest * GAP_RATIO.powi(k)).chain([0.0]) {
-            part.problem.response.half_gap = Some(half);
-            begins.push((half, part.problem.coarse(&self.best)));
-        }
-        begins.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
-        begins.truncate(GAP_BEGINS);
-        // Squares of a gap have more than one valley.
-        for (half, best) in begins {
-            let mut begun = part.clone();
-            begun.problem.response.half_gap = Some(half);
-            begun.best = begun.problem.refine(&best, 0.02, 0.04);
-            let begun = begun.gap_refined();
-            if begun.best.cost < part.best.cost {
-                part = begun;
-            }
-        }
-        let mut other = self.clone();
-        other.problem.response.half_gap = part.problem.response.half_gap;
-        other.best = other.problem.refine(&part.best, 0.02, 0.04);
-        let mut other = other.gap_refined().polished().gap_refined();
-        // Both by the same rows.
-        let mut none = self.clone();
-        none.problem.rows.counts.clone_from(&other.problem.rows.counts);
-        none.best = none.problem.refine(&self.best, 0.02, 0.04);
-        let noise = FitNoise::of(&mut other.problem.clone(), &other.best);
-        if none.problem.is_worse(&none.best, &mut other.problem.clone(), &other.best, &noise) {
-            other
-        } else {
-            self
-        }
-    }
-
-    /// The gap and the rest in turn: the gap's column says how far the gap is off.
-    fn gap_refined(mut self) -> Self {
-        let place = self.problem.response.gap_column();
-        let mut windows = (0.01, 0.02);
-        for _ in 0..GAP_ROUNDS {
-            let Some(half) = self.problem.response.half_gap else { break };
-            let wider = (half + self.best.beta[place] / self.best.beta[0]).max(0.0);
-            if !wider.is_finite() || (wider - half).abs() < GAP_FINE {
-                break;
-            }
-            self.problem.response.half_gap = Some(wider);
-            self.best = self.problem.refine(&self.best, windows.0, windows.1);
-            windows = (0.7 * windows.0, 0.7 * windows.1);
-        }
-        self
-    }
-
     fn identified(mut self) -> Result<IdentifiedSteering, DrivesError> {
         let rows = self.problem.rows.counted();
         let variance: f64 = self

@@ -9,20 +9,30 @@
 //! is that factor (Newey and West's estimate with Bartlett's weights). The profile itself knows limits and steps of the
 //! squares.
 //!
+//! The error of a number that is written in steps repeats itself wherever the quantity comes by again: no window sees
+//! that. Where the steps lie is chance, so that its share of the variance is the mean over their places,
+//!
+//! ```text
+//! mean_j (sum_k v_k e_jk)^2,      e_jk = q round((m_k + phi_j) / q) - phi_j - m_k,     m the fit, q the step
+//! ```
+//!
 //! Source: Bates and Watts, Nonlinear Regression Analysis, ch. 6 (profiles); Newey and West, Econometrica 55 (1987).
 
 use super::fit::{ActuatorProblem, LEAST_NOISE, Point};
+use super::rows::DriveRows;
 
 /// 90 % of a chi-squared variable of one degree of freedom is below this.
 const CHI2: f64 = 2.7055;
-/// 99 % is below this: more is a parameter's doing.
-const CHI2_CLEAR: f64 = 6.6349;
+/// The greatest of a dozen is below this in 99 %: more is no chance of a width that was searched.
+const CHI2_SEARCHED: f64 = 11.2;
 /// 90 % of a Gaussian's magnitude is below this.
 pub(super) const GAUSS: f64 = 1.6449;
 /// Autocorrelation below which rows count as independent.
 const INDEPENDENT: f64 = 0.1;
 /// Reach of the weights, in rows of correlation.
 const WIDTH: usize = 5;
+/// Places of the steps of a coarse number that are tried.
+const PLACES: usize = 24;
 /// Sections of a bracket in which an end lies.
 const SECTIONS: u32 = 7;
 /// First step away from the best, s.
@@ -35,6 +45,8 @@ pub(super) struct FitNoise {
     /// Rows over which it is correlated.
     rows: usize,
     residual: Vec<f64>,
+    /// Fit of each row and the step in which it was written; empty where none is.
+    steps: Vec<(f64, f64)>,
 }
 
 /// Parameter that is varied.
@@ -72,7 +84,14 @@ impl FitNoise {
         };
         let longest = residual.len() / 10;
         let rows = (1..longest).find(|&lag| !correlated(lag)).unwrap_or(longest);
-        Self { variance, rows, residual }
+        let DriveRows { counts, response, origin, resolutions, mean, .. } = &problem.rows;
+        let step = |row: usize| resolutions.get(origin[row].0 as usize).copied().unwrap_or(0.0);
+        let coarse = resolutions.iter().any(|step| *step > 0.0);
+        let steps = (0..counts.len())
+            .filter(|&row| coarse && counts[row])
+            .map(|row| (response[row] + mean - problem.residual[row], step(row)))
+            .collect();
+        Self { variance, rows, residual, steps }
     }
 
     /// Variance of `sum v_k r_k` over that of white noise, at least 1. `v` over the rows that count.
@@ -98,7 +117,23 @@ impl FitNoise {
         // A wide window knows the variance itself less well (Kiefer and Vogelsang's fixed share, to first order).
         let unsure = if self.rows <= 1 { 1.0 } else { 1.0 + 2.0 * width as f64 / z.len().max(1) as f64 };
         let floor = LEAST_NOISE * LEAST_NOISE * v.iter().map(|v| v * v).sum::<f64>();
-        (unsure * (own + shared)).max(own).max(floor)
+        (unsure * (own + shared)).max(own).max(floor).max(self.of_steps(v))
+    }
+
+    /// Variance of `sum v_k e_k` of the errors of coarse numbers, over the places of their steps.
+    fn of_steps(&self, v: &[f64]) -> f64 {
+        if self.steps.is_empty() {
+            return 0.0;
+        }
+        let of_place = |place: usize| {
+            let share = (place as f64 + 0.5) / PLACES as f64;
+            let error = |(v, (fit, step)): (&f64, &(f64, f64))| match *step > 0.0 {
+                true => v * step * ((fit / step + share).round() - share - fit / step),
+                false => 0.0,
+            };
+            v.iter().zip(&self.steps).map(error).sum::<f64>()
+        };
+        (0..PLACES).map(|place| of_place(place).powi(2)).sum::<f64>() / PLACES as f64
     }
 }
 
@@ -133,7 +168,7 @@ impl ActuatorProblem {
     pub fn is_worse(&mut self, best: &Point, other: &mut Self, better: &Point, noise: &FitNoise) -> bool {
         let (of_less, of_more) = (self.counted_residuals(best), other.counted_residuals(better));
         let v: Vec<f64> = of_less.iter().zip(&of_more).map(|(less, more)| less - more).collect();
-        best.cost - better.cost > noise.variance * CHI2_CLEAR * noise.inflation(&v)
+        best.cost - better.cost > noise.variance * CHI2_SEARCHED * noise.inflation(&v)
     }
 
     /// The interval along a parameter.

@@ -8,11 +8,16 @@
 //! | `rows.rs` | their rows: gaps, wrong values, rows that count |
 //! | `response.rs` | the response of a dead time and a lag to the commands, as angle or as yaw rate |
 //! | `fit.rs` | least squares over dead time and lag, all else linear |
+//! | `best_point.rs` | the best pair without rows that stand out |
+//! | `rate_limit.rs`, `backlash.rs` | what may lie beside the lag |
 //! | `interval.rs` | confidence intervals from the profile of the squares |
 
+mod backlash;
+mod best_point;
 mod drives;
 mod fit;
 mod interval;
+mod rate_limit;
 mod record;
 mod response;
 mod rows;

@@ -12,6 +12,11 @@ const FAR_OUT: f64 = 3.0;
 const LEAST_RANGE: f64 = 1e-2;
 /// Useful rows a second while the command stands: more tell nothing of an actuator.
 const FASTEST: f64 = 100.0;
+/// Fewest distances between numbers that tell the step in which they are written, and share of them that are whole
+/// multiples of it, within a share of it.
+const FEWEST_STEPS: usize = 3;
+const WHOLE: f64 = 0.95;
+const EVEN: f64 = 0.05;
 /// Time after which the command before a stretch is forgotten, s; or a quarter of the stretch.
 const FORGOTTEN: f64 = 1.0;
 
@@ -40,7 +45,7 @@ pub(super) struct DriveRows {
     pub mean: f64,
     /// Typical time between rows, s.
     pub step: f64,
-    /// Step in which each drive's response was written, 0 if it was not coarse.
+    /// Step in which each drive's response was written, 0 if it is not seen.
     pub resolutions: Vec<f64>,
 }
 
@@ -63,6 +68,25 @@ fn typical_step(time: &[f64]) -> f64 {
     steps.get(steps.len() / 2).copied().unwrap_or(0.0)
 }
 
+/// Step in which numbers are written: they lie close enough to show that their distances are whole multiples of one. 0 if
+/// none is seen.
+fn written_step(values: &[f64]) -> f64 {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let (Some(first), Some(last)) = (sorted.first(), sorted.last()) else { return 0.0 };
+    let rounding = 1e-9 * (last - first);
+    let mut gaps: Vec<f64> =
+        sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > rounding).collect();
+    if gaps.len() < FEWEST_STEPS {
+        return 0.0;
+    }
+    gaps.sort_by(f64::total_cmp);
+    let step = gaps[gaps.len() / 4];
+    let whole = |gap: &&f64| (*gap / step - (*gap / step).round()).abs() < EVEN && **gap > 0.5 * step;
+    let wholes = gaps.iter().filter(whole).count() as f64;
+    if wholes >= WHOLE * gaps.len() as f64 { step } else { 0.0 }
+}
+
 impl DriveRows {
     /// The rows of drives, `even` where each row has to stay, as a model sampled at the clock needs it.
     pub fn of(drives: &[SteeringDrive], even: bool) -> Self {
@@ -70,7 +94,7 @@ impl DriveRows {
         for (place, drive) in drives.iter().enumerate() {
             rows.add(place as u32, drive, even);
         }
-        rows.resolutions = drives.iter().map(|drive| drive.resolution).collect();
+        rows.resolutions = drives.iter().map(|drive| written_step(&drive.response)).collect();
         rows.step = drives.iter().map(|drive| typical_step(&drive.time)).fold(0.0, f64::max);
         let stretches: Vec<_> = rows.stretches().collect();
         for stretch in stretches {

@@ -23,8 +23,6 @@ pub struct SteeringDrive {
     pub response: Vec<f64>,
     /// Forward speed, m/s, for a yaw rate; else empty.
     pub speed: Vec<f64>,
-    /// Step in which a coarse response was written, in its unit; 0 if it was not coarse.
-    pub resolution: f64,
 }
 
 /// A value that was taken for wrong.
