@@ -220,8 +220,13 @@ class Steering(_Result):
         """Angle at a command of 0, rad."""
         return self._number("offset")
 
+    @property
+    def backlash(self) -> Estimate | None:
+        """Full width of the gap behind the lag, rad of the command; ``None`` if the logs show none."""
+        return self._number("backlash")
+
     def _rows(self) -> list[tuple[str, ...]]:
-        units = {"dead_time": "s", "lag": "s", "delay": "s", "gain": "", "offset": "rad"}
+        units = {"dead_time": "s", "lag": "s", "delay": "s", "gain": "", "offset": "rad", "backlash": "rad"}
         found = [(name, unit, one) for name, unit in units.items() if (one := self._number(name)) is not None]
         return [
             (name, f"{one.value:.4f}", f"{one.low:.4f} ... {one.high:.4f}", unit, "" if one.excited else "not excited")

@@ -43,8 +43,11 @@ const FAR: f64 = 0.14;
 const EFFECT: f64 = 0.36;
 /// Gravity in the accelerometer of a leaning body: the range of its ratio, in SI units.
 const LEANING: (f64, f64) = (0.98, 1.12);
-/// Difference of two explanations below which both are possible.
-const APART: f64 = 0.012;
+/// Usual error of a ratio, as a logarithm, and of ay above its range: bodies lean, and roads have banks.
+const USUAL: f64 = 0.03;
+const USUAL_LEANING: f64 = 0.08;
+/// Difference of two explanations below which both are possible, in usual errors.
+const APART: f64 = 0.4;
 
 /// Ratios of columns that a log allows.
 #[derive(Debug, Clone, Copy, Default)]
@@ -101,25 +104,35 @@ impl Units {
         all.iter().filter(|unit| unit.1 != 1.0).count()
     }
 
-    /// Largest error of a ratio, as a logarithm.
-    fn error(&self, shown: &Shown) -> f64 {
+    /// Errors of the ratios, as logarithms; that of ay comes last, above its range positive.
+    fn errors(&self, shown: &Shown) -> [f64; 5] {
         let speed = self.speed.1;
         let off = |shown: Option<f64>, expected: f64| {
             // A turned sign is looked for elsewhere.
-            shown.map_or(0.0, |shown| (shown.abs() / expected).ln().abs())
+            shown.map_or(0.0, |shown| (shown.abs() / expected).ln())
         };
         [
             off(shown.way, self.position.1 / speed),
             off(shown.station, self.station.1 / speed),
-            shown.lateral.map_or(0.0, |shown| {
-                let ratio = shown.abs() * speed * self.turn.1 / self.acceleration.1;
-                (ratio / ratio.clamp(LEANING.0, LEANING.1)).ln().abs()
-            }),
             off(shown.bend, self.turn.1 / (speed * self.curvature.1)),
             off(shown.winding, self.curvature.1 / (speed * self.curvature_rate.1)),
+            shown.lateral.map_or(0.0, |shown| {
+                let ratio = shown.abs() * speed * self.turn.1 / self.acceleration.1;
+                (ratio / ratio.clamp(LEANING.0, LEANING.1)).ln()
+            }),
         ]
-        .into_iter()
-        .fold(0.0, f64::max)
+    }
+
+    /// Largest error of a ratio, as a logarithm.
+    fn error(&self, shown: &Shown) -> f64 {
+        self.errors(shown).into_iter().fold(0.0, |most, error| most.max(error.abs()))
+    }
+
+    /// Root of the squares of all errors, in usual ones.
+    fn misfit(&self, shown: &Shown) -> f64 {
+        let [way @ .., lateral] = self.errors(shown);
+        let leaning = lateral / if lateral > 0.0 { USUAL_LEANING } else { USUAL };
+        way.iter().fold(leaning.abs(), |sum, error| sum.hypot(error / USUAL))
     }
 
     /// The foreign ones, in words.
@@ -169,7 +182,9 @@ pub(super) fn told(shown: &Shown) -> UnitConclusion {
                                     curvature,
                                     curvature_rate,
                                 };
-                                all.push((units.foreign(), units.error(shown), units));
+                                if units.error(shown) < FAR {
+                                    all.push((units.foreign(), units.misfit(shown), units));
+                                }
                             }
                         }
                     }
@@ -180,14 +195,16 @@ pub(super) fn told(shown: &Shown) -> UnitConclusion {
     // One ratio cannot tell two units.
     let Shown { way, station, lateral, bend, winding } = shown;
     let ratios = [way, station, lateral, bend, winding].iter().filter(|ratio| ratio.is_some()).count();
-    all.retain(|(foreign, error, _)| *error < FAR && *foreign <= ratios);
+    all.retain(|(foreign, ..)| *foreign <= ratios);
     all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     // By ay alone feet a second are km/h of a body that leans, and km/h are the common ones.
     let common = |units: &Units| units.speed.0 == "km/h" && shown.way.is_none() && shown.station.is_none();
     match all[..] {
         [] => UnitConclusion::Si,
-        [(_, error, units), ..] if error == 0.0 && common(&units) => UnitConclusion::Units(units),
-        [(foreign, error, units), (others, next, other), ..] if foreign == others && next - error < APART => {
+        [(_, misfit, units), ..] if misfit == 0.0 && common(&units) => UnitConclusion::Units(units),
+        [(foreign, misfit, units), (others, next, other), ..]
+            if foreign == others && next - misfit < APART =>
+        {
             UnitConclusion::Either(units, other)
         }
         [(_, _, units), ..] => UnitConclusion::Units(units),
@@ -246,6 +263,14 @@ mod tests {
         assert_eq!(words(shown), "vx in km/h and ay in g");
         let shown = Shown { way: Some(1000.0 / 2.237), lateral: Some(1.0 / 2.237), ..Shown::default() };
         assert_eq!(words(shown), "vx in mph and x, y in mm");
+        // Of a car that leans far, the way tells.
+        for &(name, factor) in &sized(SPEEDS)[1..] {
+            for lean in [1.0, 1.15, 1.26] {
+                let shown =
+                    Shown { way: Some(1.0 / factor), lateral: Some(lean / factor), ..Shown::default() };
+                assert_eq!(words(shown), format!("vx in {name}"));
+            }
+        }
     }
 
     #[test]

@@ -129,12 +129,17 @@ pub(super) fn next(found: &IdentifiedLog, args: &IdentifyArgs) {
     }
     match &args.into {
         Some(file) => say!("next: rfl drive --vehicle {}", file.display()),
-        None if steering.excited() => say!(
-            "next: the same with --into my_car.toml, which is then driven by rfl drive --vehicle my_car.toml; or rfl drive \
-             --variant actuator --set actuator.dead_time={:.4} --set actuator.time_constant={:.4}",
-            steering.dead_time.value,
-            steering.lag.value
-        ),
+        None if steering.excited() => {
+            let gap = steering.backlash.filter(|width| width.excited);
+            let gap =
+                gap.map_or(String::new(), |width| format!(" --set actuator.backlash={:.4}", width.value));
+            say!(
+                "next: the same with --into my_car.toml, which is then driven by rfl drive --vehicle my_car.toml; or rfl \
+                 drive --variant actuator --set actuator.dead_time={:.4} --set actuator.time_constant={:.4}{gap}",
+                steering.dead_time.value,
+                steering.lag.value
+            );
+        }
         None => say!("next: a drive as said, and rfl identify with this log and that one together"),
     }
 }
