@@ -211,9 +211,11 @@ pub(super) fn told(shown: &Shown) -> UnitConclusion {
     }
 }
 
-/// The unit of a ratio near one of a list; `None` where it is SI, or none.
+/// The unit of a list that is nearest to a ratio; `None` where it is SI, or none.
 pub(super) fn foreign(ratio: f64, units: &[LogUnit]) -> Option<LogUnit> {
-    units[1..].iter().copied().find(|unit| (ratio.abs() / unit.1).ln().abs() < FAR)
+    let off = |unit: &LogUnit| (ratio.abs() / unit.1).ln().abs();
+    let nearest = units.iter().copied().min_by(|a, b| off(a).total_cmp(&off(b)))?;
+    (nearest.1 != 1.0 && off(&nearest) < FAR).then_some(nearest)
 }
 
 #[cfg(test)]

@@ -88,7 +88,9 @@ fn mend_others(log: &mut CleanLog, factors: &mut Factors, speed: LogUnit, accele
     let speeds = sized(units::SPEEDS);
     match kinematics::vy_factor(log) {
         Some((by, factor)) => {
-            if let Some(unit) = units::foreign(factor, &speeds) {
+            // That of vx, if it explains vy.
+            let same = units::foreign(factor, &[speeds[0], speed]);
+            if let Some(unit) = same.or_else(|| units::foreign(factor, &speeds)) {
                 let by = if by == "y" { "x, y and yaw tell" } else { "ay tells" };
                 convert(log, factors, unit, &["vy"], &format!("vy is {:.2} times what {by}", factor.abs()));
             }
