@@ -209,20 +209,20 @@ fn backlash_is_found_beside_dead_time_and_lag() {
 #[test]
 fn no_backlash_is_seen_where_there_is_none() {
     let mut seen = 0;
-    for seed in 0..30 {
+    for seed in 0..12 {
         let limited = SteeringChain { rate_limit: 0.1, ..chain(0.06, 0.1) };
         for chain in [chain(0.06, 0.1), chain(0.0, 0.05), limited] {
             seen += usize::from(found(synthetic(&chain, 800, 1e-3, seed)).backlash.is_some());
         }
     }
-    // One of a hundred by chance: of 90 more than 5 once in four hundred times.
-    assert!(seen <= 5, "{seen} of 90");
+    // One of a hundred by chance: of 36 more than 2 come in 6 of a thousand.
+    assert!(seen <= 2, "{seen} of 36");
 }
 
 #[test]
 fn intervals_hold_the_truth_of_coarse_angles_and_of_backlash() {
     let mut held = [0; 4];
-    let cases = 30;
+    let cases = 20;
     for seed in 0..cases {
         let backlash = 5e-3;
         let mut drive = synthetic(&SteeringChain { backlash, ..chain(0.05, 0.12) }, 1500, 1e-4, seed);
@@ -242,8 +242,8 @@ fn intervals_hold_the_truth_of_coarse_angles_and_of_backlash() {
             *held += usize::from(estimate.low <= truth && truth <= estimate.high);
         }
     }
-    // As above: of thirty cases of nine in ten, below 21 comes once in ten thousand.
-    assert!(held.iter().all(|held| *held >= 21), "{held:?} of {cases}");
+    // Of twenty cases of nine in ten, below 13 comes in 4 of ten thousand.
+    assert!(held.iter().all(|held| *held >= 13), "{held:?} of {cases}");
 }
 
 /// A drive as a log of these columns says it.

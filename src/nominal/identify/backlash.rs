@@ -8,7 +8,7 @@
 //! more than one valley. It is taken if the squares fall by more than chance makes them.
 
 use super::best_point::BestPoint;
-use super::fit::{LEAST_NOISE, Point};
+use super::fit::{ActuatorProblem, LEAST_NOISE, Point};
 use super::interval::FitNoise;
 
 /// Number of half gaps that are tried, each this share of the one before, from half the command's range.
@@ -16,9 +16,12 @@ const GAPS: i32 = 12;
 const GAP_RATIO: f64 = 0.6;
 /// Number of them from which the gap is refined.
 const GAP_BEGINS: usize = 3;
-/// Rounds of finding the gap and the rest in turn, and change of the gap that ends them, rad.
+/// Rough steps from each.
+const GAP_STEPS: usize = 5;
+/// Rounds of finding the gap and the rest in turn, and change of the gap that ends them, rad and as a share.
 const GAP_ROUNDS: usize = 12;
 const GAP_FINE: f64 = 1e-7;
+const GAP_SHARE: f64 = 1e-4;
 
 impl BestPoint {
     /// With a gap, as far as the drives show one.
@@ -63,13 +66,15 @@ impl BestPoint {
         self.polished()
     }
 
-    /// The same with its best gap; looked for from this one, too. What is exact has none.
+    /// The same with its best gap; looked for from this one, too. Without one where it explains no more than chance does,
+    /// as nothing does of what is exact.
     fn loose(&self, known: Option<(f64, Point)>) -> Self {
         let mut loose = self.clone();
         if self.rms() < 10.0 * LEAST_NOISE {
             return loose;
         }
         let mut part = self.problem.part();
+        let stiff = part.refine(&self.best, 0.02, 0.04);
         let widest = part.rows.half_range();
         let mut begins = Vec::new();
         for half in (0..GAPS).map(|k| widest * GAP_RATIO.powi(k)).chain([0.0]) {
@@ -81,28 +86,45 @@ impl BestPoint {
         begins.extend(known);
         let begun = begins.into_iter().map(|(half, best)| {
             part.response.half_gap = Some(half);
-            let best = part.refine(&best, 0.02, 0.04);
-            Self::at(part.clone(), best).gap_refined()
+            Self::at(part.clone(), best).gap_stepped(GAP_STEPS, |part, near| {
+                let along = part.of_sum(near.dead_time + near.lag, near.lag, 0.5 * near.lag + 0.01);
+                part.lag_for(along.dead_time, along.lag, 0.02)
+            })
         });
         let Some(begun) = begun.min_by(|a, b| a.best.cost.total_cmp(&b.best.cost)) else { return loose };
+        if !begun.problem.may_be_better(&begun.best, &stiff, self.problem.rows.counted()) {
+            return loose;
+        }
         loose.problem.response.half_gap = begun.problem.response.half_gap;
         loose.best = loose.problem.refine(&begun.best, 0.02, 0.04);
         loose.gap_refined().polished().gap_refined()
     }
 
-    /// The gap and the rest in turn: the gap's column says how far the gap is off.
-    fn gap_refined(mut self) -> Self {
-        let place = self.problem.response.gap_column();
+    /// The gap and the rest in turn, to the end.
+    fn gap_refined(self) -> Self {
         let mut windows = (0.01, 0.02);
-        for _ in 0..GAP_ROUNDS {
+        self.gap_stepped(GAP_ROUNDS, |problem, near| {
+            let found = problem.refine(near, windows.0, windows.1);
+            windows = (0.5 * windows.0, 0.5 * windows.1);
+            found
+        })
+    }
+
+    /// The gap and the rest in turn: the gap's column says how far the gap is off.
+    fn gap_stepped(
+        mut self,
+        rounds: usize,
+        mut rest: impl FnMut(&mut ActuatorProblem, &Point) -> Point,
+    ) -> Self {
+        let place = self.problem.response.gap_column();
+        for _ in 0..rounds {
             let Some(half) = self.problem.response.half_gap else { break };
             let wider = (half + self.best.beta[place] / self.best.beta[0]).max(0.0);
-            if !wider.is_finite() || (wider - half).abs() < GAP_FINE {
+            if !wider.is_finite() || (wider - half).abs() < GAP_FINE + GAP_SHARE * half {
                 break;
             }
             self.problem.response.half_gap = Some(wider);
-            self.best = self.problem.refine(&self.best, windows.0, windows.1);
-            windows = (0.7 * windows.0, 0.7 * windows.1);
+            self.best = rest(&mut self.problem, &self.best);
         }
         self
     }

@@ -164,6 +164,13 @@ impl ActuatorProblem {
         self.residual.iter().zip(counts).filter(|(_, counts)| **counts).map(|(r, _)| *r).collect()
     }
 
+    /// False if not even white noise would let these rows' better point be more than chance in so many rows of the kind.
+    pub fn may_be_better(&self, better: &Point, best: &Point, rows: usize) -> bool {
+        let counted = self.rows.counted().max(1) as f64;
+        let variance = (better.cost / counted).max(LEAST_NOISE * LEAST_NOISE);
+        (best.cost - better.cost) * rows as f64 / counted > variance * CHI2_SEARCHED
+    }
+
     /// True if another problem's best, with one more parameter, fits the same rows better than chance makes it.
     pub fn is_worse(&mut self, best: &Point, other: &mut Self, better: &Point, noise: &FitNoise) -> bool {
         let (of_less, of_more) = (self.counted_residuals(best), other.counted_residuals(better));
