@@ -393,7 +393,6 @@ fn driven(
         steer_cmd: drive.column("steer_cmd"),
         response: response.iter().map(|value| value + noise * gauss(&mut random)).collect(),
         speed: drive.column("vx"),
-        ..SteeringDrive::default()
     }
 }
 
@@ -402,7 +401,7 @@ fn what_lies_within_a_step_of_a_coarse_angle_stands_out_of_nothing() {
     let fine = synthetic(&chain(0.0, 0.1), 3000, 0.0, 3);
     let step = 2e-3;
     // A few rows are off by almost a step.
-    let off = |i: usize| if i % 15 == 0 { 0.9 * step } else { 0.0 };
+    let off = |i: usize| if i.is_multiple_of(15) { 0.9 * step } else { 0.0 };
     let left_out = |written: &dyn Fn(f64) -> f64| {
         let response = fine.response.iter().enumerate().map(|(i, it)| written(it + off(i))).collect();
         identify_from_drives(&[SteeringDrive { response, ..fine.clone() }]).unwrap().left_out.len()
