@@ -240,6 +240,24 @@ fn an_ordinary_drive_goes_into_a_vehicle_file_whose_comments_stay() {
 }
 
 #[test]
+fn a_backlash_goes_into_the_file_and_two_cars_do_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    drive(folder.path(), "loose.csv", &["--set", "effect.steer_backlash=0.008"]);
+    drive(folder.path(), "slow.csv", &["--set", "effect.steer_lag=0.1"]);
+    std::fs::write(at("my_car.toml"), CAR).unwrap();
+    let both = ["identify", "loose.csv", "slow.csv", "--no-check", "--into", "my_car.toml"];
+    let output = rfl(folder.path(), &both);
+    let error = String::from_utf8_lossy(&output.stderr);
+    let words = "not written: the logs contradict each other: dead time and lag together";
+    assert!(output.status.code() == Some(1) && error.contains(words), "{error}");
+    assert_eq!(std::fs::read_to_string(at("my_car.toml")).unwrap(), CAR);
+    done(&rfl(folder.path(), &["identify", "loose.csv", "--no-check", "--into", "my_car.toml"]));
+    let text = std::fs::read_to_string(at("my_car.toml")).unwrap();
+    assert!(text.contains("\nbacklash = 0.008\n"), "{text}");
+}
+
+#[test]
 fn what_is_not_excited_is_said_and_written_nowhere() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

@@ -5,7 +5,9 @@
 
 use super::agreement::{self, Factors};
 use super::averaged;
-use super::clean_log::{CleanError, CleanLog, Coarseness, LEAST_LENGTH, STANDING, UnusableLog};
+use super::clean_log::{
+    CleanError, CleanLog, Coarseness, LEAST_LENGTH, STANDING, UnusableLog, is_long_enough,
+};
 use super::clock::{self, Clock};
 use super::coarse;
 use super::copied;
@@ -515,7 +517,7 @@ fn leave_out_standing(log: &mut CleanLog) -> Result<(), CleanError> {
     }
     let moving = log.step * (vx.len() - standing) as f64;
     let judged = log.step * log.valid.iter().filter(|valid| **valid).count() as f64;
-    if judged < LEAST_LENGTH {
+    if !is_long_enough(judged) {
         return Err(CleanError::Standing { moving: judged.min(moving) });
     }
     if standing > 0 {

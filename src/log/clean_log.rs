@@ -10,6 +10,11 @@ pub(super) const STANDING: f64 = 2.0;
 /// Least length of a log, s.
 pub(super) const LEAST_LENGTH: f64 = 10.0;
 
+/// True for a drive of so many s that is long enough, but for the rounding of a clock. Each row stands for a step.
+pub(super) fn is_long_enough(length: f64) -> bool {
+    length >= 0.999 * LEAST_LENGTH
+}
+
 /// Uncertainty of a column that is written in steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coarseness {

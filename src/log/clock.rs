@@ -1,6 +1,6 @@
 //! A log's clock: its unit, the order of its rows, and their even clock.
 
-use super::clean_log::{CleanError, LEAST_LENGTH};
+use super::clean_log::{CleanError, LEAST_LENGTH, is_long_enough};
 use super::finding::{Finding, FindingSeverity};
 use crate::numerics::statistics::median;
 use std::ops::Range;
@@ -86,7 +86,7 @@ pub(super) fn read(
     if 1.0 / typical < SLOWEST {
         return Err(CleanError::TooSlow { rate: 1.0 / typical, least: SLOWEST });
     }
-    if length < LEAST_LENGTH {
+    if !is_long_enough(length + typical) {
         return Err(CleanError::TooShort { length, rows: rows.len(), least: LEAST_LENGTH, unit: told });
     }
     if 1.0 / typical < SLOW {

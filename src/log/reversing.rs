@@ -9,7 +9,7 @@
 //! A vehicle stands before it turns about, so that each stretch between stands is driven one way. Where all of them are backwards,
 //! a column's sign is wrong, which [`super::agreement`] tells.
 
-use super::clean_log::{CleanLog, LEAST_LENGTH};
+use super::clean_log::{CleanLog, is_long_enough};
 use super::finding::FindingSeverity;
 use std::ops::Range;
 
@@ -37,7 +37,7 @@ pub(super) fn leave_out(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) {
     let (true, Some(first)) = (is_forward, back.first()) else { return };
     let mut valid = log.valid.clone();
     back.iter().for_each(|rows| valid[(*rows).clone()].fill(false));
-    let is_enough = log.step * valid.iter().filter(|valid| **valid).count() as f64 >= LEAST_LENGTH;
+    let is_enough = is_long_enough(log.step * valid.iter().filter(|valid| **valid).count() as f64);
     let (gravity, then) = if is_enough {
         (FindingSeverity::Warning, "not judged there")
     } else {

@@ -102,6 +102,8 @@ struct IdentifiedLog {
     steering: Option<IdentifiedSteering>,
     /// Rows that were read.
     rows: usize,
+    /// Two logs that show different actuators, in words.
+    contradiction: Option<String>,
 }
 
 /// Runs the command.
@@ -156,12 +158,12 @@ fn identify<P: Commanded<S, C>, const S: usize, const C: usize>(
         harmful = check::print(&rows);
         results["closed_loop"] = check::as_json(&rows);
     }
-    let written = match (&args.into, &found.steering) {
-        (Some(file), Some(steering)) => {
-            into::write::<P, S, C>(file, name, args, steering, harmful).map(|changes| {
+    let written = match (&args.into, &found.steering, &found.contradiction) {
+        (Some(file), _, Some(words)) => Err(format!("{}: not written: {words}", file.display()).into()),
+        (Some(file), Some(steering), None) => into::write::<P, S, C>(file, name, args, steering, harmful)
+            .map(|changes| {
                 results["into"] = json!({"file": file.display().to_string(), "changes": changes});
-            })
-        }
+            }),
         _ => Ok(()),
     };
     if let Some(file) = &args.json {
@@ -200,7 +202,14 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
         }];
         // A record that is no drive has its models all the same.
         let steering = from_drives(&drives, through).ok().filter(|found| found.gain.excited);
-        return Ok(IdentifiedLog { drives, findings: Vec::new(), models, steering, rows });
+        return Ok(IdentifiedLog {
+            drives,
+            findings: Vec::new(),
+            models,
+            steering,
+            rows,
+            contradiction: None,
+        });
     }
     args.reading.check_distinct(&args.logs)?;
     let steady = |speed: f64| steady_steering(&vehicle, speed);
@@ -226,7 +235,8 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
         [file] => format!("{}: {error}", file.display()),
         _ => error.to_string(),
     })?;
-    Ok(IdentifiedLog { drives, findings, models: Vec::new(), steering: Some(steering), rows })
+    let contradiction = contradiction(&drives, through);
+    Ok(IdentifiedLog { drives, findings, models: Vec::new(), steering: Some(steering), rows, contradiction })
 }
 
 fn from_drives<V: LateralVehicle<S>, const S: usize>(
@@ -237,6 +247,31 @@ fn from_drives<V: LateralVehicle<S>, const S: usize>(
         Some((vehicle, slowest)) => identify_by_yaw_rate_from_drives(drives, vehicle, slowest),
         None => identify_from_drives(drives),
     }
+}
+
+/// Two logs that show different actuators, each by itself, in words.
+fn contradiction<V: LateralVehicle<S>, const S: usize>(
+    drives: &[SteeringDrive],
+    through: Option<(&V, f64)>,
+) -> Option<String> {
+    let logs: Vec<&[SteeringDrive]> = drives.chunk_by(|a, b| a.name == b.name).collect();
+    if logs.len() < 2 {
+        return None;
+    }
+    let alone: Vec<(&str, IdentifiedSteering)> = logs
+        .into_iter()
+        .filter_map(|log| Some((log[0].name.as_str(), from_drives(log, through).ok()?)))
+        .collect();
+    alone.iter().enumerate().find_map(|(place, (name, found))| {
+        alone[place + 1..].iter().find_map(|(other, others)| {
+            let (quantity, [a, b]) = found.contradiction(others)?;
+            Some(format!(
+                "the logs contradict each other: {quantity} {:.4} ({:.4} ... {:.4}) in {name}, {:.4} ({:.4} ... {:.4}) in \
+                 {other}; give logs of one vehicle, in one state",
+                a.value, a.low, a.high, b.value, b.low, b.high
+            ))
+        })
+    })
 }
 
 /// The rows between --from and --until.

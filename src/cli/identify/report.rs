@@ -16,6 +16,9 @@ pub(super) fn print(found: &IdentifiedLog, args: &IdentifyArgs) {
         let gravity = if finding.gravity == FindingSeverity::Note { "note" } else { "warning" };
         warn!("{gravity}: {}", finding.summary);
     }
+    if let Some(words) = &found.contradiction {
+        warn!("warning: {words}");
+    }
     let Some(steering) = &found.steering else { return };
     say!("{:<15} {:>10} {:>23}  90 % interval", "", "value", "");
     for (name, estimate, unit) in estimates(steering).into_iter().chain(backlash(steering)) {
@@ -154,6 +157,7 @@ pub(super) fn as_json(found: &IdentifiedLog, args: &IdentifyArgs) -> Value {
         "rows": found.rows,
         "models": models_as_json(found),
         "findings": found.findings,
+        "contradiction": found.contradiction,
     });
     let Some(steering) = &found.steering else { return value };
     let number = |estimate: Estimate| {

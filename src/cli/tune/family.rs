@@ -21,7 +21,7 @@ const FRICTION: [f64; 3] = [1.0, 1.0, 0.8];
 /// Share of the mean in the cost.
 const MEAN_SHARE: f64 = 0.3;
 /// Highest speed at which margins are asked for, m/s.
-const FASTEST: f64 = 24.0;
+pub(super) const FASTEST: f64 = 24.0;
 /// Pieces of a long road, m.
 const PIECE: f64 = 500.0;
 /// Pieces of a road at most, half for training and half held out.

@@ -182,6 +182,7 @@ where
         answers: &answers,
         trace: &trace,
     };
+    result::print_missed(&tuned);
     let value = tuning.as_json(&tuned, content);
     let json_file = args.out.join("tune.json");
     write_json(&json_file, &value)?;

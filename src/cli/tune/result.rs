@@ -2,7 +2,7 @@
 
 use super::super::output::write_text;
 use super::super::vehicle::Commanded;
-use super::family::TuneData;
+use super::family::{FASTEST, TuneData};
 use crate::control::{ControlVariant, ControllerFile, Margins};
 use crate::diagnose::page::{AtSpeed, Tuned};
 use crate::simulate::tune::{ControllerNumbers, TuneCandidate, number_of};
@@ -56,10 +56,12 @@ where
             json!({
                 "values": on_training[place].values, "training": on_training[place], "held_out": on_held_out[place],
                 "margins": margins_as_json(&tuned.margins[place]),
+                "missed": missed(&tuned.margins[place], tuned.goal),
             })
         };
         json!({
             "vehicle": tuned.vehicle, "kind": P::KIND, "variant": tuned.variant, "seed": self.args.seed,
+            "goal": { "delay": tuned.goal.0, "gain": tuned.goal.1 },
             "budget": self.args.budget, "written": tuned.better,
             "controller": content.values.into_iter().collect::<BTreeMap<_, _>>(),
             "default": of(0),
@@ -122,6 +124,34 @@ fn margins_as_json(margins: &[AtSpeed]) -> Vec<Value> {
 
 fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
+}
+
+/// Speeds up to the fastest asked for at which margins are below a goal of delay in s and gain, m/s.
+fn missed(margins: &[AtSpeed], (delay, gain): (f64, f64)) -> Vec<f64> {
+    let falls_short =
+        |found: &Option<Margins>| found.is_none_or(|found| found.delay < delay || found.gain < gain);
+    margins
+        .iter()
+        .filter(|(speed, found)| *speed <= FASTEST && falls_short(found))
+        .map(|(speed, _)| *speed)
+        .collect()
+}
+
+/// Says where the controller that is in force now falls short of the goal.
+pub(super) fn print_missed(tuned: &Tuned<'_>) {
+    let speeds = missed(&tuned.margins[usize::from(tuned.better)], tuned.goal);
+    if speeds.is_empty() {
+        return;
+    }
+    let speeds: Vec<String> = speeds.iter().map(f64::to_string).collect();
+    warn!(
+        "warning: the wanted margins, {} s of delay and a gain of {}, are not reached at {} m/s by the {} controller (above): \
+         ask for less, or search longer (--budget)",
+        tuned.goal.0,
+        tuned.goal.1,
+        speeds.join(", "),
+        if tuned.better { "tuned" } else { "default" }
+    );
 }
 
 /// Prints both controllers side by side.

@@ -11,7 +11,7 @@
 //! much more than asked there.
 
 use super::ratios::{BLOCK, MILD, blocks};
-use crate::log::clean_log::{CleanLog, LEAST_LENGTH};
+use crate::log::clean_log::{CleanLog, is_long_enough};
 use crate::log::even::SETTLING;
 use crate::log::finding::FindingSeverity;
 use crate::log::kinematics;
@@ -218,7 +218,7 @@ fn take_out(log: &mut CleanLog, column: &'static str, rests: &[Range<usize>], do
         let end = (rest.end + settling).min(valid.len());
         valid[rest.start..end].fill(false);
     }
-    let is_enough = log.step * valid.iter().filter(|valid| **valid).count() as f64 >= LEAST_LENGTH;
+    let is_enough = is_long_enough(log.step * valid.iter().filter(|valid| **valid).count() as f64);
     let (gravity, then) = if is_enough {
         log.valid = valid;
         (FindingSeverity::Warning, "not judged there")

@@ -118,6 +118,22 @@ impl IdentifiedSteering {
         }
     }
 
+    /// Quantity in which this actuator is another than that of other drives: determined in both, and farther apart than
+    /// intervals that determine it are wide.
+    #[must_use]
+    pub fn contradiction(&self, other: &Self) -> Option<(&'static str, [Estimate; 2])> {
+        let none = Estimate { value: 0.0, low: 0.0, high: GAP_ENOUGH, excited: true };
+        let gap = |found: &Self| found.backlash.unwrap_or(none);
+        [
+            ("dead time and lag together", [self.delay, other.delay], TIME_ENOUGH),
+            ("gain", [self.gain, other.gain], GAIN_SHARE * self.gain.value.abs()),
+            ("backlash", [gap(self), gap(other)], GAP_ENOUGH),
+        ]
+        .into_iter()
+        .find(|(_, [a, b], enough)| a.excited && b.excited && (a.low - b.high).max(b.low - a.high) > *enough)
+        .map(|(name, both, _)| (name, both))
+    }
+
     /// True if dead time and lag are determined, both of them.
     #[must_use]
     pub fn excited(&self) -> bool {
