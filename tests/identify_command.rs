@@ -254,7 +254,7 @@ fn a_backlash_goes_into_the_file_and_two_cars_do_not() {
     assert_eq!(std::fs::read_to_string(at("my_car.toml")).unwrap(), CAR);
     done(&rfl(folder.path(), &["identify", "loose.csv", "--no-check", "--into", "my_car.toml"]));
     let text = std::fs::read_to_string(at("my_car.toml")).unwrap();
-    assert!(text.contains("\nbacklash = 0.008\n"), "{text}");
+    assert!(text.contains("\nbacklash = 0.008 "), "{text}");
 }
 
 #[test]

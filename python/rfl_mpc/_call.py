@@ -112,7 +112,8 @@ def _columns(name: str, table: Any) -> list[tuple[str, bytes]]:
         raise _native.RflError(f"{name}: {words}; {_named(table)}")
     columns = []
     for column, given in told:
-        values = np.asarray(given)
+        masked = isinstance(given, np.ma.MaskedArray) and given.dtype.kind in "biuf"
+        values = np.ma.filled(given.astype(np.float64), np.nan) if masked else np.asarray(given)
         if values.ndim == 0:
             words = "one value and no column; of rows that are dicts make a table: pandas.DataFrame(rows)"
             raise _native.RflError(f"{name}, column {column}: {words}")

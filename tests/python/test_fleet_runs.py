@@ -137,6 +137,23 @@ def test_a_bad_log_is_a_row_with_its_error(fleet, logs, tmp_path):
     assert found.report["errors"] == 4 and "4 drives were not diagnosed, such as" in str(found)
 
 
+def test_a_copy_of_a_log_counts_once_and_one_of_two_vehicles_for_neither(fleet, logs, undisturbed, tmp_path):
+    copied = tmp_path / "logs"
+    shutil.copytree(logs, copied)
+    shutil.copytree(undisturbed.out, tmp_path / "fleet")
+    shutil.copy(copied / "two" / "drive_4.csv", copied / "two" / "drive_5.csv")
+    found = fleet.run(copied, out=tmp_path / "fleet", workers=1, pairs=False)
+    (error,) = found.verdicts.error.dropna()
+    assert "drive_4.csv, which counts" in error
+    columns = ["vehicle", "effect", "value", "low", "high", "probability"]
+    pd.testing.assert_frame_equal(found.vehicles[columns], undisturbed.vehicles[columns])
+
+    shutil.move(copied / "two" / "drive_5.csv", copied / "three" / "drive_5.csv")
+    found = fleet.run(copied, out=tmp_path / "fleet", workers=1, pairs=False)
+    errors = found.verdicts.dropna(subset="error")
+    assert set(errors.vehicle) == {"two", "three"} and errors.error.str.contains("whose is it").all()
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -141,6 +141,12 @@ def test_times_of_every_kind_are_seconds(rfl_mpc, drive, timed):
     assert np.allclose(found[:3], plain[:3], atol=1e-5)
 
 
+def test_a_mask_is_a_gap(rfl_mpc):
+    steer = np.ma.masked_array([0.1, 0.3, 0.2], mask=[False, True, False])
+    ((_, data),) = rfl_mpc._call._columns("<log>", {"steer": steer})
+    assert np.array_equal(np.frombuffer(data), [0.1, np.nan, 0.2], equal_nan=True)
+
+
 def test_times_begin_at_the_first_that_is_known(rfl_mpc):
     dates = pd.Series(pd.to_datetime([None, "2026-01-01T00:00:00", "2026-01-01T00:00:00.02"], format="ISO8601"))
     ((name, data),) = rfl_mpc._call._columns("<log>", {"time": dates})

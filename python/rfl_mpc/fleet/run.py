@@ -216,6 +216,12 @@ class Answers:
         self.plan, self.store = plan, store
         self.rows: dict[tuple[str, str], list[int]] = {}
         self.types: dict[str, str] = {}
+        # A copy says nothing anew, and a log of two vehicles is of one of them at most.
+        same: dict[str, list[int]] = {}
+        for row, key in enumerate(plan.keys):
+            if key is not None:
+                same.setdefault(key, []).append(row)
+        self.copies = {row: words for rows in same.values() if len(rows) > 1 for row, words in self._copies(rows)}
         by_vehicle: dict[str, list[int]] = {}
         for row, drive in enumerate(plan.drives):
             by_vehicle.setdefault(drive.vehicle, []).append(row)
@@ -224,12 +230,28 @@ class Answers:
             self.types[vehicle] = next((type for type in known if type), NOT_KNOWN)
             self.rows[self.types[vehicle], vehicle] = rows
 
+    def _copies(self, rows: list[int]) -> Iterator[tuple[int, str]]:
+        """Those of rows with the same content that do not count, and why."""
+        drives = [self.plan.drives[row] for row in rows]
+        if len({drive.vehicle for drive in drives}) == 1:
+            for row in rows[1:]:
+                yield row, f"the same content as {drives[0].log}, which counts"
+            return
+        for row, drive in zip(rows, drives):
+            other = next(one for one in drives if one.vehicle != drive.vehicle)
+            yield (
+                row,
+                f"the same content as {other.log} of vehicle '{other.vehicle}': whose is it? It counts for neither",
+            )
+
     def _answer(self, row: int) -> dict[str, Any]:
         key = self.plan.keys[row]
         return (None if key is None else self.store.get(key)) or {"error": "not diagnosed"}
 
     def of(self, row: int) -> dict[str, Any]:
-        """A drive's answer; an error where its log is of another kind of vehicle than the others."""
+        """A drive's answer; an error of a copy, and where its log is of another kind of vehicle than the others."""
+        if row in self.copies:
+            return {"error": self.copies[row]}
         answer, vehicle = self._answer(row), self.plan.drives[row].vehicle
         type = tables.type_of(self.plan.drives[row], answer)
         if type and type != self.types[vehicle]:
