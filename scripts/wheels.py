@@ -1,7 +1,7 @@
 """Wheels of the Python package, built by maturin and looked into: what each holds, exports and needs.
 
-A wheel carries the FMUs of target/fmu (scripts/build-fmus; `--fmus` names another folder), the vehicles, the roads
-and the licences of what is linked in. Linux wheels run on glibc 2.17 and later, and are linked by zig, those for
+A wheel carries the FMUs of target/fmu (built by scripts/build-fmus; `--fmus` names another folder), the vehicles, the
+roads and the licences of what is linked in. Linux wheels run on glibc 2.17 and later, and are linked by zig, those for
 macOS by Rust's lld; those for Windows by mingw-w64. Another platform's compiler comes from `rustup target add`.
 """
 
@@ -194,7 +194,9 @@ def check_tools(wheels: Iterable[Path]) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("platforms", nargs="*", help=f"{', '.join(PLATFORMS)}, or all [default: linux-x86_64]")
-    parser.add_argument("--fmus", type=Path, default=ROOT / "target" / "fmu", help="folder of the FMUs to carry")
+    parser.add_argument(
+        "--fmus", type=Path, help="folder of the FMUs to carry [default: target/fmu, built by scripts/build-fmus first]"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder for the wheels")
     parser.add_argument("--check", action="store_true", help="build nothing: look into the wheels that are there")
     arguments = parser.parse_args()
@@ -204,7 +206,10 @@ def main() -> int:
     failed, wheels = [], {}
     try:
         if not arguments.check:
-            stage(arguments.fmus)
+            if arguments.fmus is None:
+                # Those that are there may be of this machine alone (scripts/demo), or of another version.
+                run([str(ROOT / "scripts" / "build-fmus")])
+            stage(arguments.fmus or ROOT / "target" / "fmu")
     except WheelError as error:
         print(f"wheels: {error}", file=sys.stderr)
         return 1

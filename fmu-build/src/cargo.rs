@@ -5,6 +5,7 @@
 //! elsewhere: Windows libraries are linked by mingw-w64, those for macOS by Rust's own lld, against zig's stub of the system
 //! library (`scripts/darwin_sdk.py`).
 
+use crate::library::Library;
 use crate::linker;
 use crate::standard::Standard;
 use serde_json::Value;
@@ -134,12 +135,15 @@ fn starts(program: &str) -> bool {
 }
 
 /// The builder in use.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Builder {
     /// `cargo zigbuild`, for any [`Target`].
     Zig,
     /// `cargo build`, for this machine.
     Cargo,
+    /// `cargo build` with these arguments, for this machine, beside the programs that they choose. Of a selection of their own the
+    /// libraries would have other features, and other flags: all that is in them would be compiled anew.
+    Beside(Vec<String>),
 }
 
 impl Builder {
@@ -156,7 +160,7 @@ impl Builder {
     /// # Errors
     /// If the build fails. Compiler messages go to standard error.
     pub fn prepare(
-        self,
+        &self,
         project: &Path,
         profile: &str,
         selection: &[&str],
@@ -170,7 +174,7 @@ impl Builder {
     /// Runs a build; gives cargo's messages, and the command for ours. `part`: of a library for several processors the system
     /// that this one is for.
     fn run(
-        self,
+        &self,
         project: &Path,
         profile: &str,
         selection: &[&str],
@@ -197,14 +201,25 @@ impl Builder {
                 let triple = target.unwrap_or(Target::Linux64).triple();
                 zig_caches(project, command.args(["zigbuild", "--target", triple]));
             }
-            (Builder::Cargo, Some(target), _) if target.is_foreign() => {
+            (Builder::Cargo | Builder::Beside(_), Some(target), _) if target.is_foreign() => {
                 return Err(CargoError::NoCross { target: target.name() });
+            }
+            (Builder::Beside(programs), ..) => {
+                command.arg("build").args(programs).arg("--lib");
             }
             (Builder::Cargo, ..) => {
                 command.arg("build");
             }
         }
-        command.args(["--profile", profile, "--message-format", "json-render-diagnostics"]).args(selection);
+        command.args(["--profile", profile, "--message-format", "json-render-diagnostics"]);
+        if let Builder::Beside(_) = self {
+            let folder = linker::install_as_system(&project.join("target"));
+            let (folder, real) =
+                folder.map_err(|source| CargoError::Write { path: project.join("target"), source })?;
+            command.env("PATH", before_path(folder)).env(linker::REAL, real);
+            return output(&mut command);
+        }
+        command.args(selection);
         // A development build is shared with tests, whose flags must not change.
         if profile != "dev" {
             let real = match (self, target, part) {
@@ -213,14 +228,12 @@ impl Builder {
                 // cargo-zigbuild's own programs.
                 (Builder::Zig, Some(Target::LinuxArm), _) => "CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER",
                 (Builder::Zig, ..) => "CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_LINKER",
-                (Builder::Cargo, ..) => "cc",
+                (Builder::Cargo | Builder::Beside(_), ..) => "cc",
             };
             let folder = project.join("target");
             let folder = linker::install(&folder)
                 .map_err(|source| CargoError::Write { path: folder.join("linker"), source })?;
-            let path = std::env::var_os("PATH").unwrap_or_default();
-            let path = std::env::join_paths([folder].into_iter().chain(std::env::split_paths(&path)));
-            command.env("PATH", path.unwrap_or_default()).env(linker::REAL, real);
+            command.env("PATH", before_path(folder)).env(linker::REAL, real);
             command.env("CARGO_ENCODED_RUSTFLAGS", flags(project, target));
         }
         output(&mut command)
@@ -232,7 +245,7 @@ impl Builder {
     /// # Errors
     /// If the build fails or makes no shared library. Compiler messages go to standard error.
     pub fn build(
-        self,
+        &self,
         project: &Path,
         profile: &str,
         selection: &[&str],
@@ -249,7 +262,33 @@ impl Builder {
     }
 
     fn build_part(
-        self,
+        &self,
+        project: &Path,
+        profile: &str,
+        selection: &[&str],
+        target: Option<Target>,
+        part: Option<&str>,
+    ) -> Result<PathBuf, CargoError> {
+        let library = self.library(project, profile, selection, target, part)?;
+        if !matches!(self, Builder::Beside(_)) || is_divided(&library) {
+            return Ok(library);
+        }
+        // Linked without us, by a build before. Cargo makes anew what is gone.
+        for place in [library.clone(), linker::place(&library, Standard::Fmi2)] {
+            std::fs::remove_file(&place).map_err(|source| CargoError::Write { path: place, source })?;
+        }
+        let library = self.library(project, profile, selection, target, part)?;
+        // Another linker than the system's is set on this machine.
+        if is_divided(&library) {
+            Ok(library)
+        } else {
+            Builder::Cargo.library(project, profile, selection, target, part)
+        }
+    }
+
+    /// What a build of `selection` makes: the shared library that has its last word for a name.
+    fn library(
+        &self,
         project: &Path,
         profile: &str,
         selection: &[&str],
@@ -257,12 +296,15 @@ impl Builder {
         part: Option<&str>,
     ) -> Result<PathBuf, CargoError> {
         let (text, command) = self.run(project, profile, selection, target, part)?;
+        let name = selection.last().copied().unwrap_or_default().replace('-', "_");
         let mut library = None;
         for line in text.lines() {
             let message: Value = serde_json::from_str(line)
                 .map_err(|source| CargoError::Json { command: command.clone(), source })?;
             let kinds = message["target"]["crate_types"].as_array();
-            if kinds.is_some_and(|kinds| kinds.iter().any(|kind| kind == "cdylib")) {
+            let is_it =
+                message["target"]["name"].as_str().is_some_and(|found| found.replace('-', "_") == name);
+            if is_it && kinds.is_some_and(|kinds| kinds.iter().any(|kind| kind == "cdylib")) {
                 let files = message["filenames"].as_array().into_iter().flatten().filter_map(Value::as_str);
                 let shared =
                     |file: &&str| [".so", ".dll", ".dylib"].iter().any(|suffix| file.ends_with(suffix));
@@ -271,6 +313,19 @@ impl Builder {
         }
         library.map(PathBuf::from).ok_or(CargoError::NoLibrary { command })
     }
+}
+
+/// `PATH` with a folder before all others.
+fn before_path(folder: PathBuf) -> OsString {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    std::env::join_paths([folder].into_iter().chain(std::env::split_paths(&path))).unwrap_or_default()
+}
+
+/// True if a library was linked for each version of FMI.
+fn is_divided(library: &Path) -> bool {
+    let of =
+        |standard: &Standard| Library::check_for(&linker::linked_for(library, *standard), *standard).is_ok();
+    Standard::ALL.iter().all(of)
 }
 
 /// The systems that a library is built for one by one, and joined; otherwise there is one build, which needs no such name.

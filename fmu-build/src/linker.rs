@@ -15,6 +15,9 @@ use std::process::{Command, ExitCode};
 /// The name by which rustc starts this program as its linker.
 pub const NAME: &str = "rfl-fmu-linker";
 
+/// The name by which rustc starts the system's linker.
+const SYSTEM: &str = "cc";
+
 /// The variable of the environment with the real linker, or the name of the variable that has it.
 pub const REAL: &str = "RFL_FMU_LINKER";
 
@@ -23,12 +26,28 @@ pub const REAL: &str = "RFL_FMU_LINKER";
 /// # Errors
 /// If the folder cannot be written.
 pub fn install(target: &Path) -> std::io::Result<PathBuf> {
-    let folder = target.join("linker");
-    let place = folder.join(NAME).with_extension(std::env::consts::EXE_EXTENSION);
+    install_under(NAME, target.join("linker"))
+}
+
+/// Puts this program under the name of the system's linker into a folder, which it gives, with the place of the system's own. By its
+/// name it is no other linker to cargo, which would build all anew.
+///
+/// # Errors
+/// If the folder cannot be written.
+pub fn install_as_system(target: &Path) -> std::io::Result<(PathBuf, PathBuf)> {
+    let folder = install_under(SYSTEM, target.join("linker").join("system"))?;
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let places = std::env::split_paths(&path).filter(|place| *place != folder);
+    let real = places.map(|place| place.join(SYSTEM)).find(|place| place.is_file());
+    Ok((folder, real.unwrap_or_else(|| SYSTEM.into())))
+}
+
+fn install_under(name: &str, folder: PathBuf) -> std::io::Result<PathBuf> {
+    let place = folder.join(name).with_extension(std::env::consts::EXE_EXTENSION);
     std::fs::create_dir_all(&folder)?;
     let own = std::env::current_exe()?;
     // Anew each time: it may be that of a program since deleted. Moved into place, for another build may start it just now.
-    let new = folder.join(format!("{NAME}.{}", std::process::id()));
+    let new = folder.join(format!("{name}.{}", std::process::id()));
     #[cfg(unix)]
     std::os::unix::fs::symlink(own, &new)?;
     #[cfg(not(unix))]
@@ -41,7 +60,7 @@ pub fn install(target: &Path) -> std::io::Result<PathBuf> {
 #[must_use]
 pub fn is_called() -> bool {
     let own = std::env::args_os().next().unwrap_or_default();
-    Path::new(&own).file_stem().is_some_and(|stem| stem == NAME)
+    Path::new(&own).file_stem().is_some_and(|stem| stem == NAME || stem == SYSTEM)
 }
 
 /// Links what rustc asks for, and the library of 3.0 beside it.

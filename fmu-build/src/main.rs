@@ -31,7 +31,7 @@ use std::time::Instant;
 #[command(version, after_help = EXAMPLES)]
 struct Arguments {
     /// Change these FMUs, made by this version, instead of building
-    #[arg(value_name = "FMU", conflicts_with_all = ["only", "builder", "profile", "target", "describe"])]
+    #[arg(value_name = "FMU", conflicts_with_all = ["only", "builder", "profile", "beside", "target", "describe"])]
     fmus: Vec<PathBuf>,
     /// Write FMUs and systems here
     #[arg(long, value_name = "DIR")]
@@ -50,6 +50,10 @@ struct Arguments {
     /// Cargo's profile
     #[arg(long, default_value = "shipped")]
     profile: String,
+    /// Build the libraries for this machine beside the programs that these arguments of `cargo build` choose: nothing is compiled twice.
+    /// For a first try, and for tests
+    #[arg(long, value_name = "ARGUMENTS", allow_hyphen_values = true, conflicts_with_all = ["builder", "target"])]
+    beside: Option<String>,
     /// Add libraries of other platforms: DIR/win64/NAME.dll, DIR/darwin64/NAME.dylib, for FMI 3.0 DIR/x86_64-windows/NAME.dll, ...
     #[arg(long, value_name = "DIR")]
     binaries: Option<PathBuf>,
@@ -174,10 +178,11 @@ fn build(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         return write_licenses(&project, package, &targets, out);
     }
     let options = Options {
-        builder: match arguments.builder {
-            BuilderChoice::Auto => Builder::find(),
-            BuilderChoice::Zig => Builder::Zig,
-            BuilderChoice::Cargo => Builder::Cargo,
+        builder: match (&arguments.beside, arguments.builder) {
+            (Some(programs), _) => Builder::Beside(programs.split_whitespace().map(str::to_owned).collect()),
+            (None, BuilderChoice::Auto) => Builder::find(),
+            (None, BuilderChoice::Zig) => Builder::Zig,
+            (None, BuilderChoice::Cargo) => Builder::Cargo,
         },
         profile: arguments.profile.clone(),
         targets: arguments
@@ -196,7 +201,7 @@ fn build(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             say!("libraries are built by cargo-zigbuild for {}", Target::Linux64.triple());
         }
         Builder::Zig => say!("libraries are built by cargo-zigbuild"),
-        Builder::Cargo => {
+        Builder::Cargo | Builder::Beside(_) => {
             say!("libraries are built by cargo, and need this machine's glibc or a newer one");
         }
     }

@@ -9,7 +9,7 @@
 use super::error::LogError;
 use super::finding::{Finding, FindingSeverity};
 use super::only::{Only, Selection};
-use crate::signal;
+use crate::signal::{self, ARTICULATION};
 use crate::table::{self, Limits, Table, TableError, time};
 use std::path::{Path, PathBuf};
 
@@ -357,6 +357,13 @@ impl DriveLog {
         self.columns.iter().map(|(name, values)| (*name, values.as_slice()))
     }
 
+    /// True if a vehicle with a trailer drove: an articulation angle that is not zero throughout, as a recorder's template has it for
+    /// a car.
+    #[must_use]
+    pub fn is_articulated(&self) -> bool {
+        self.column(ARTICULATION.name).is_some_and(|angles| angles.iter().any(|angle| angle.abs() > 0.0))
+    }
+
     /// Those of `names` that the log lacks.
     #[must_use]
     pub fn without(&self, names: &[&'static str]) -> Vec<&'static str> {
@@ -395,6 +402,16 @@ mod tests {
         }
         assert_eq!(log("Time,time,vx\n7,0,1\n").unwrap().column("time"), Some(&[0.0][..]));
         assert!(log("Time,TIME,vx\n7,0,1\n").unwrap_err().to_string().contains("'time' stands twice"));
+    }
+
+    #[test]
+    fn a_trailer_is_one_that_bends() {
+        for (angles, bends) in [("0,0", false), ("0,", false), ("0,-0.01", true)] {
+            let [first, second] = angles.split_once(',').map(<[&str; 2]>::from).unwrap();
+            let text = format!("time,vx,articulation\n0,1,{first}\n0.02,1,{second}\n");
+            assert_eq!(log(&text).unwrap().is_articulated(), bends, "{angles}");
+        }
+        assert!(!log("time,vx\n0,1\n").unwrap().is_articulated());
     }
 
     #[test]

@@ -153,7 +153,7 @@ fn vehicle(args: &DiagnoseArgs, logs: &[DriveLog]) -> Result<String, Box<dyn Err
     let Some(vehicle) = &args.vehicle else {
         let truck = match args.unit {
             Some(unit) => unit == VehicleKind::Truck,
-            None => articulated(logs),
+            None => logs.iter().any(DriveLog::is_articulated),
         };
         return Ok(if truck { BUILTIN_TRUCKS[0] } else { BUILTIN[0] }.to_owned());
     };
@@ -166,11 +166,6 @@ fn vehicle(args: &DiagnoseArgs, logs: &[DriveLog]) -> Result<String, Box<dyn Err
         .into()),
         None => Ok(vehicle.clone()),
     }
-}
-
-/// True if a truck was logged.
-fn articulated(logs: &[DriveLog]) -> bool {
-    logs.iter().any(|log| log.column("articulation").is_some())
 }
 
 /// Ratios of the wheelbase that a log shows to the vehicle's that gains of the steering explain.
@@ -227,7 +222,8 @@ where
     };
     let cleaned = logs.iter().map(clean_one).collect::<Result<Vec<_>, Box<dyn Error>>>()?;
     let mut clean = CleanLog::joined(cleaned)?.ok_or("give a log")?;
-    let foreign = another_vehicle(articulated(logs), &clean, P::KIND, nominal.wheelbase());
+    let foreign =
+        another_vehicle(logs.iter().any(DriveLog::is_articulated), &clean, P::KIND, nominal.wheelbase());
     clean.findings.splice(0..0, foreign);
     let reference = match &args.reference {
         Some(file) => Some(clean_one(&args.reading.read(file)?)?.1),

@@ -8,7 +8,6 @@ use crate::log::{SteeringLog, drives_of};
 use crate::nominal::SteeringDrive;
 use crate::path::Path;
 use crate::residual::{DataReport, DataSet};
-use crate::signal::ARTICULATION;
 use std::error::Error;
 use std::path::PathBuf;
 
@@ -38,8 +37,7 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> TrainLogs<P, S, C> {
             for file in files {
                 let road = road.as_ref().map(|(road, file)| (road, *file));
                 let log = args.reading.read(file)?;
-                let bends = |angles: &[f64]| angles.iter().any(|angle| angle.abs() > 0.0);
-                if P::KIND != "truck" && log.column(ARTICULATION.name).is_some_and(bends) {
+                if P::KIND != "truck" && log.is_articulated() {
                     return Err(format!(
                         "{}: the log has an articulation angle, and the vehicle is a car: give the truck with --vehicle",
                         file.display()
