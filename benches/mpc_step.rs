@@ -121,7 +121,8 @@ fn steps(criterion: &mut Criterion) {
         bench_qp(criterion, &format!("qp_fast_hard_{horizon}"), &mut fast, &hard);
         let times = &mut recording.times;
         times.sort_by(f64::total_cmp);
-        let at = |share: f64| 1e6 * times[((times.len() - 1) as f64 * share) as usize];
+        let rank = |share: f64| (times.len() as f64 * share).ceil() as usize;
+        let at = |share: f64| 1e6 * times[rank(share).saturating_sub(1)];
         println!(
             "step_nominal_{horizon} over {} steps of the drive: median {:.0} us, p99 {:.0} us, max {:.0} us",
             times.len(),

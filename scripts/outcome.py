@@ -151,7 +151,8 @@ def step_times(columns: dict[str, np.ndarray], sample_time: float) -> dict[str, 
         return dict.fromkeys(("mean_s", "p99_s", "max_s", "missed"), math.nan)
     return {
         "mean_s": float(times.mean()),
-        "p99_s": float(times[(len(times) - 1) * 99 // 100]),
+        # Nearest rank: of fewer than 100 steps the longest.
+        "p99_s": float(times[-(-len(times) * 99 // 100) - 1]),
         "max_s": float(times[-1]),
         "missed": int((times > sample_time).sum()),
     }
