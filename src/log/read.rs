@@ -364,6 +364,16 @@ impl DriveLog {
         self.column(ARTICULATION.name).is_some_and(|angles| angles.iter().any(|angle| angle.abs() > 0.0))
     }
 
+    /// True if another log holds the same drive: the columns that both have are equal.
+    #[must_use]
+    pub fn is_same_drive(&self, other: &Self) -> bool {
+        let is_same = |(a, b): (&f64, &f64)| a == b || (a.is_nan() && b.is_nan());
+        let mut both =
+            self.columns().filter_map(|(name, values)| Some((values, other.column(name)?))).peekable();
+        both.peek().is_some()
+            && both.all(|(ours, theirs)| ours.len() == theirs.len() && ours.iter().zip(theirs).all(is_same))
+    }
+
     /// Those of `names` that the log lacks.
     #[must_use]
     pub fn without(&self, names: &[&'static str]) -> Vec<&'static str> {

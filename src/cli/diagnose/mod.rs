@@ -168,6 +168,19 @@ fn vehicle(args: &DiagnoseArgs, logs: &[DriveLog]) -> Result<String, Box<dyn Err
     }
 }
 
+/// Refuses a log as its own reference, which would hide every fault.
+fn check_reference(reference: &DriveLog, logs: &[DriveLog]) -> Result<(), String> {
+    match logs.iter().find(|log| log.is_same_drive(reference)) {
+        Some(log) => Err(format!(
+            "--reference {}: the same drive as {}, which would hide every fault; give a log of the vehicle when it was as \
+             modelled",
+            reference.file.display(),
+            log.file.display()
+        )),
+        None => Ok(()),
+    }
+}
+
 /// Ratios of the wheelbase that a log shows to the vehicle's that gains of the steering explain.
 const OWN_WHEELBASE: std::ops::Range<f64> = 0.8..1.25;
 
@@ -226,7 +239,11 @@ where
         another_vehicle(logs.iter().any(DriveLog::is_articulated), &clean, P::KIND, nominal.wheelbase());
     clean.findings.splice(0..0, foreign);
     let reference = match &args.reference {
-        Some(file) => Some(clean_one(&args.reading.read(file)?)?.1),
+        Some(file) => {
+            let log = args.reading.read(file)?;
+            check_reference(&log, logs)?;
+            Some(clean_one(&log)?.1)
+        }
         None => None,
     };
     let options = Options {
