@@ -28,7 +28,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from rfl_mpc import _native
-from rfl_mpc._call import File, Logs, Progress, RflWarning, call, frames_and_words, words
+from rfl_mpc._call import File, Logs, Progress, RflWarning, call, file_name, frames_and_words, renamed, words
 from rfl_mpc._native import Command, InternalError, RflError
 from rfl_mpc.results import Drive, Estimate, Report, Steering, Training, Tuning
 
@@ -193,7 +193,7 @@ def diagnose(
         vehicle=vehicle, path=path, unit=unit, controller=controller, set=set, without=without, no_pairs=not pairs,
         trust=trust, prior=prior, rate=rate, seed=seed, threads=threads,
     )  # fmt: skip
-    folder = None if out is None else Path(out)
+    folder = None if out is None else Path(file_name(out))
     (report, page), text = call(
         _native.diagnose, [*options, *reference_words, *files], frames + others, folder, progress=progress
     )
@@ -243,7 +243,8 @@ def identify(
         json=json,
     )
     options += words(**{"from": begin})
-    report, text = call(_native.identify, [*options, *files], frames, progress=progress)
+    with renamed(begin="--from", end="--until"):
+        report, text = call(_native.identify, [*options, *files], frames, progress=progress)
     return Steering.of(report, text)
 
 
@@ -350,7 +351,7 @@ def tune(
         out=out, seed=seed, threads=threads,
     )  # fmt: skip
     report, text = call(_native.tune, options, progress=progress)
-    return Tuning.of(report, text, Path(out))
+    return Tuning.of(report, text, Path(file_name(out)))
 
 
 class Controller:

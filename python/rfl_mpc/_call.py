@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from rfl_mpc import _native
@@ -13,7 +14,7 @@ from rfl_mpc import _native
 if TYPE_CHECKING:
     import numpy as np
 
-File = str | os.PathLike[str]
+File = str | bytes | os.PathLike[str]
 # A file, a table with named columns, or several.
 Logs = Any
 Progress = Callable[[str, float], None]
@@ -36,7 +37,7 @@ def words(**options: Any) -> list[str]:
             said.append(option)
         elif _is_mapping(value):
             said += [f"{option}={key}={_text(f'{option} {key}', one)}" for key, one in value.items()]
-        elif isinstance(value, Iterable) and not isinstance(value, (str, os.PathLike)):
+        elif isinstance(value, Iterable) and not isinstance(value, (str, bytes, os.PathLike)):
             said += [f"{option}={_text(option, one)}" for one in value]
         else:
             said.append(f"{option}={_text(option, value)}")
@@ -56,15 +57,28 @@ def plain(value: Any) -> Any:
 
 
 def _text(name: str, value: Any) -> str:
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    if isinstance(value, str):
-        return value
+    if isinstance(value, (str, bytes, os.PathLike)):
+        return file_name(value)
     if getattr(value, "ndim", 0) > 0:
         if value.size != 1:
             raise _native.RflError(f"{name}: an array of {value.size} values; give one value")
         value = value.reshape(-1)[0] if hasattr(value, "reshape") else value.iloc[0]
     return repr(plain(value))
+
+
+def file_name(file: File) -> str:
+    """A file's name as text; ``~`` is the home folder, as in a shell."""
+    text = os.path.expanduser(os.fsdecode(file))
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise _native.RflError(f"{text!r}: a name that is no text in UTF-8; rename the file") from None
+    return text
+
+
+def reason(error: Exception) -> str:
+    """An error of the operating system in its words, without its number; of another one its text."""
+    return os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
 
 
 Frame = tuple[str, list[tuple[str, bytes]]]
@@ -76,14 +90,14 @@ def frames_and_words(logs: Logs, *, option: str | None = None, name: str = "log"
         if option is None:
             raise _native.RflError("give at least one log; None was given")
         return [], []
-    several = list(logs) if isinstance(logs, Sequence) and not isinstance(logs, str) else [logs]
+    several = list(logs) if isinstance(logs, Sequence) and not isinstance(logs, (str, bytes)) else [logs]
     if not several:
         raise _native.RflError("give at least one log")
     frames: list[Frame] = []
     said: list[str] = [] if option else ["--"]
     for number, log in enumerate(several, start=1):
-        if isinstance(log, (str, os.PathLike)):
-            text = os.fspath(log)
+        if isinstance(log, (str, bytes, os.PathLike)):
+            text = file_name(log)
         else:
             text = f"<{name}>" if len(several) == 1 else f"<{name} {number}>"
             frames.append((text, _columns(text, log)))
@@ -132,18 +146,52 @@ def _columns(name: str, table: Any) -> list[tuple[str, bytes]]:
             columns.append((column, np.ascontiguousarray(values, dtype=np.float64).tobytes()))
         except (TypeError, ValueError) as error:
             raise _native.RflError(f"{name}, column {column}: {error}; give numbers") from None
+    if not any(data for _, data in columns):
+        raise _native.RflError(f"{name}: the table has no rows")
     return columns
 
 
 def _named(table: Any) -> str:
     """How a table that has no columns with the names of signals is given."""
-    if any(isinstance(one, tuple) for one in _names(table)):
-        return "its names are of several levels; join them to one: table.columns = ['_'.join(name) for name in table]"
+    names = list(_names(table))
+    if any(isinstance(name, tuple) for name in names):
+        return f"its names are of several levels; {_of_one_level(table, names)}"
     if getattr(table, "ndim", 0) == 1 and hasattr(table, "to_frame"):
         return "a Series is one column; give a data frame with time, steer_cmd, vx"
     if hasattr(table, "ndim") and not hasattr(table, "columns"):
         return "an array has no names; give a data frame or a dict of arrays: time, steer_cmd, vx"
     return "give time, steer_cmd, vx"
+
+
+def _of_one_level(table: Any, names: list[Any]) -> str:
+    """A statement that gives a table names of one level, those of signals."""
+    tuples = [name for name in names if isinstance(name, tuple)]
+    parts = {f"name[{level}]": [name[level] for name in tuples] for level in range(min(map(len, tuples)))}
+    parts["[part for part in name if part][-1]"] = [next(filter(None, reversed(name)), "") for name in tuples]
+    found = {how: _native.signals([str(part) for part in of]) for how, of in parts.items()}
+    how = max(found, key=lambda how: len({*found[how]} - {None}))
+    signals = [signal for signal in found[how] if signal]
+    is_mapping = isinstance(table, Mapping)
+    if not signals:
+        return "give time, steer_cmd, vx"
+    if len(tuples) == len(names) and len({*signals}) == len(signals):
+        return (
+            f"table = {{{how}: table[name] for name in table}}"
+            if is_mapping
+            else f"table.columns = [{how} for name in table]"
+        )
+    # A sensor's columns stay together: the first of those with the most signals.
+    known = [(name, part, signal) for name, part, signal in zip(tuples, parts[how], found[how]) if signal]
+    groups = [tuple(one for one in name if one != part) for name, part, _ in known]
+    chosen: dict[str, tuple[Any, Any]] = {}
+    for _, (name, part, signal) in sorted(zip(groups, known), key=lambda one: -groups.count(one[0])):
+        chosen.setdefault(signal, (name, part))
+    given = [name for name in names if isinstance(name, str) and _native.signals([name])[0] not in (None, *chosen)]
+    pairs = [(name, name) for name in given] + list(chosen.values())
+    if is_mapping:
+        return "choose, such as table = {" + ", ".join(f"{part!r}: table[{name!r}]" for name, part in pairs) + "}"
+    columns, flat = [name for name, _ in pairs], [part for _, part in pairs]
+    return f"choose, such as table = table[{columns!r}].set_axis({flat!r}, axis=1)"
 
 
 def _check_steps(place: str, times: np.ndarray) -> None:
@@ -195,6 +243,18 @@ def _names(table: Any) -> Iterable[Any]:
     if isinstance(table, Mapping):
         return table.keys()
     return getattr(getattr(table, "dtype", None), "names", None) or ()
+
+
+@contextmanager
+def renamed(**options: str) -> Iterator[None]:
+    """Errors name options of the command line as Python does; ``from`` is no name in Python."""
+    try:
+        yield
+    except _native.RflError as error:
+        text = str(error)
+        for python, option in options.items():
+            text = text.replace(option, python)
+        raise type(error)(text) from None
 
 
 class _Listener:

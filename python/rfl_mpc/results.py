@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from rfl_mpc._call import File, file_name, reason
 from rfl_mpc._native import RflError
 
 if TYPE_CHECKING:
@@ -152,9 +153,9 @@ class Report(_Result):
         """The report as ``rfl diagnose`` writes it to ``report.json``."""
         return json.dumps(self.report, indent=2, ensure_ascii=False) + "\n"
 
-    def save(self, file: str | Path) -> None:
+    def save(self, file: File) -> None:
         """Writes the page (``.html``) or the numbers (``.json``); a folder that is missing is made."""
-        file = Path(file)
+        file = Path(file_name(file))
         suffix = file.suffix.lower()
         if suffix not in (".html", ".htm", ".json"):
             raise RflError(f"{file}: a report is written as .html or .json; give a file with one of these endings")
@@ -162,7 +163,7 @@ class Report(_Result):
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(self.to_json() if suffix == ".json" else self.page, encoding="utf-8")
         except OSError as error:
-            raise RflError(f"{file}: cannot be written ({error.strerror}); give another file") from None
+            raise RflError(f"{file}: cannot be written ({reason(error)}); give another file") from None
 
     def __repr__(self) -> str:
         return (

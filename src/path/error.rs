@@ -56,6 +56,20 @@ pub enum PathError {
         /// The operating system's reason.
         source: std::io::Error,
     },
+    /// Neither a file nor a built-in road.
+    #[error(
+        "{}: cannot be read: {source}; check the name, or use a built-in road: {}",
+        file.display(),
+        builtin.join(", ")
+    )]
+    Unknown {
+        /// The name.
+        file: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+        /// Names of the built-in roads.
+        builtin: Vec<&'static str>,
+    },
     /// No table: a folder or a device, too large, cut off.
     #[error("{place}: {source}")]
     Table {
@@ -307,7 +321,7 @@ impl PathError {
 
     fn place_mut(&mut self) -> Option<&mut InputPlace> {
         match self {
-            Self::Io { .. } | Self::Write { .. } | Self::Tolerance { .. } => None,
+            Self::Io { .. } | Self::Unknown { .. } | Self::Write { .. } | Self::Tolerance { .. } => None,
             Self::Empty { place }
             | Self::Table { place, .. }
             | Self::UnknownUnit { place, .. }

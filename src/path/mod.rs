@@ -87,6 +87,7 @@ use grid::{Cell, Grid, yaw_at};
 use speed::SharedPlans;
 use spline::evaluate;
 use std::f64::consts::{PI, TAU};
+use std::io::ErrorKind;
 
 /// A reference path, immutable; share it in an `Arc`. Lookups take constant time and allocate nothing.
 ///
@@ -188,7 +189,16 @@ impl Path {
     pub fn named(name: &std::path::Path, options: &PathOptions) -> Result<Self, PathError> {
         match name.to_str().and_then(sudoku::Route::from_name) {
             Some(course) => course.path_with(options),
-            None => Self::read_with(name, options),
+            None => Self::read_with(name, options).map_err(|error| match error {
+                PathError::Io { file, source } if source.kind() == ErrorKind::NotFound => {
+                    PathError::Unknown {
+                        file,
+                        source,
+                        builtin: sudoku::Route::ALL.map(sudoku::Route::name).to_vec(),
+                    }
+                }
+                error => error,
+            }),
         }
     }
 

@@ -204,6 +204,12 @@ def test_a_model_is_that_of_the_command_line(rfl_mpc, drive, told, rfl, tmp_path
     ("call", "words"),
     [
         (lambda rfl: rfl.drive("none.csv"), "none.csv: cannot be read"),
+        (lambda rfl: rfl.drive(b"none.csv"), "none.csv: cannot be read"),
+        (
+            lambda rfl: rfl.drive("sudoku"),
+            "use a built-in road: sudoku_train, sudoku_test, sudoku_turns, hairpin_circuit",
+        ),
+        (lambda rfl: rfl.drive(b"r\xe4d.csv"), "a name that is no text in UTF-8"),
         (lambda rfl: rfl.drive(vehicle="none.toml"), "none.toml"),
         (lambda rfl: rfl.drive(set={"vehicle.mas": 1}), "there is no number 'vehicle.mas'"),
         (lambda rfl: rfl.drive(set={"vehicle.mass": -5}), "[100, 100000]"),
@@ -223,6 +229,16 @@ def test_a_model_is_that_of_the_command_line(rfl_mpc, drive, told, rfl, tmp_path
         ),
         (lambda rfl: rfl.diagnose(7), "<log>: int is no log"),
         (lambda rfl: rfl.diagnose("none.csv"), "none.csv"),
+        (lambda rfl: rfl.diagnose(b"none.csv"), "none.csv: No such file"),
+        *(
+            (lambda rfl, command=command, empty=empty: getattr(rfl, command)(empty), "<log>: the table has no rows")
+            for command in ("diagnose", "identify", "train")
+            for empty in ({"time": [], "vx": []}, pd.DataFrame({"time": [], "vx": [], "steer": []}))
+        ),
+        (
+            lambda rfl: rfl.identify({name: np.arange(9.0) for name in ("time", "steer_cmd", "steer")}, begin=20),
+            "no row between the times that begin and end give",
+        ),
         (lambda rfl: rfl.diagnose({"a": [1.0], "b": [2.0]}), "no column is a signal of a drive log (columns: a, b)"),
         (lambda rfl: rfl.diagnose({"time": [0.0, 1.0], "vx": [1.0]}), "column 'vx' has 1 values"),
         (lambda rfl: rfl.diagnose({"time": [0.0], "vx": ["fast"]}), "column vx: could not convert"),
@@ -251,6 +267,46 @@ def test_bad_input_raises_what_was_wrong_and_where(rfl_mpc, tmp_path, monkeypatc
     with pytest.raises(rfl_mpc.RflError) as caught:
         call(rfl_mpc)
     assert words in str(caught.value) and not isinstance(caught.value, rfl_mpc.InternalError), caught.value
+
+
+SENSORS = {("car", "time"): [0.0], ("car", "vx"): [1.0], ("imu", "yaw_rate"): [0.0], ("imu", "vx"): [2.0]}
+
+
+@pytest.mark.parametrize(
+    ("table", "signals"),
+    [
+        (pd.DataFrame({("car", "time"): [0.0], ("car", "vx"): [1.0], ("imu", "yaw_rate"): [0.0]}), 3),
+        (pd.DataFrame({("time", "last"): [0.0], ("vx", "mean"): [1.0], ("yaw_rate", "mean"): [0.0]}), 3),
+        (pd.DataFrame({("time", "", ""): [0.0], ("a", "car", "vx"): [1.0], ("a", "imu", "yaw_rate"): [0.0]}), 3),
+        (pd.DataFrame({("vx", "mean"): [1.0], ("vx", "std"): [1.0], ("ay", "mean"): [1.0], ("ay", "std"): [1.0]}), 2),
+        (pd.DataFrame(SENSORS), 3),
+        (SENSORS, 3),
+        ({("car", "time"): [0.0], ("imu", "vx"): [1.0]}, 2),
+        ({("car", "vx"): [1.0], "remark": [1.0]}, 1),
+    ],
+    ids=["group first", "signal first", "empty levels", "statistics", "twice", "dict twice", "dict", "dict of both"],
+)
+def test_advice_on_names_of_several_levels_works_when_it_is_followed(rfl_mpc, table, signals):
+    with pytest.raises(rfl_mpc.RflError, match="names are of several levels") as caught:
+        rfl_mpc.diagnose(table)
+    scope = {"table": table}
+    exec(str(caught.value).rsplit(";", 1)[1].removeprefix(" choose, such as ").strip(), scope)
+    columns = dict(rfl_mpc._call._columns("<log>", scope["table"]))
+    assert len(columns) == signals
+    # Of two sensors' columns those of the first one.
+    assert "vx" not in columns or np.frombuffer(columns["vx"]) == [1.0]
+
+
+def test_the_home_folder_may_be_a_tilde(rfl_mpc, drive, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    (tmp_path / "road.csv").write_bytes(rfl_mpc.roads()["sudoku_turns"].read_bytes())
+    driven = rfl_mpc.drive("~/road.csv", duration=1, log="~/log.csv")
+    assert (tmp_path / "log.csv").is_file() and len(driven.log) == 50
+    drive.log[["time", "steer_cmd", "steer"]].to_csv(tmp_path / "drive.csv", index=False)
+    assert rfl_mpc.identify(b"~/drive.csv", check=False).dead_time.excited
+    rfl_mpc.Report({"verdict": {}}, "", "<html>").save("~/report.html")
+    assert (tmp_path / "report.html").is_file()
 
 
 def test_warnings_and_notes_are_pythons(rfl_mpc, caplog, tmp_path):

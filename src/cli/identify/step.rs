@@ -140,6 +140,9 @@ pub(super) fn read(file: &Path, args: &IdentifyArgs) -> Result<StepColumns, Box<
         .unwrap_or(time.len());
     let end = time.iter().rposition(|time| args.until.is_none_or(|until| time.is_nan() || *time <= until));
     let end = end.map_or(begin, |last| (last + 1).max(begin));
+    if time.is_empty() {
+        return Err(format!("{}: the log has no rows", file.display()).into());
+    }
     if begin == end {
         return Err(
             format!("{}: no row between the times that --from and --until give", file.display()).into()
