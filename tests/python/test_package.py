@@ -84,6 +84,33 @@ def test_a_table_is_diagnosed_as_its_file_is(rfl_mpc, drive, told, rfl, tmp_path
     assert "<iframe" in from_table._repr_html_() and from_table.verdict["summary"] in str(from_table)
 
 
+@pytest.mark.parametrize(
+    ("logs", "reference"),
+    [
+        (lambda frame, file: frame, lambda frame, file: frame),
+        (lambda frame, file: frame, lambda frame, file: file),
+        (lambda frame, file: file, lambda frame, file: frame.copy()),
+        (lambda frame, file: file, lambda frame, file: file),
+        (lambda frame, file: [frame[: len(frame) // 2], frame], lambda frame, file: frame),
+        (lambda frame, file: frame, lambda frame, file: frame[["time", "steer_cmd", "vx", "yaw_rate"]]),
+        (lambda frame, file: frame.assign(ay=np.nan), lambda frame, file: frame.assign(ay=-np.array(np.nan))),
+    ],
+    ids=["table", "its file", "file and its table", "file", "one of two", "some columns", "gaps"],
+)
+def test_a_log_is_no_reference_of_itself(rfl_mpc, drive, told, logs, reference):
+    """It would hide every fault; the words name both."""
+    frame, file = drive.log.drop(columns="status"), told / "log.csv"
+    words = "--reference .*: the same drive as .*, which would hide every fault"
+    with pytest.raises(rfl_mpc.RflError, match=words):
+        rfl_mpc.diagnose(logs(frame, file), reference=reference(frame, file), pairs=False)
+
+
+def test_another_drive_of_the_same_road_is_a_reference(rfl_mpc, drive):
+    frame = drive.log.drop(columns="status")
+    noise = 1e-3 * np.random.default_rng(1).normal(size=len(frame))
+    assert rfl_mpc.diagnose(frame, reference=frame.assign(yaw_rate=frame["yaw_rate"] + noise), pairs=False).verdict
+
+
 def test_tables_of_every_kind_are_read_alike(rfl_mpc, drive):
     names = ["time", "steer_cmd", "steer", "vx"]
     columns = {name: drive.columns[name] for name in names}
