@@ -24,7 +24,9 @@ was wrong, where, and what to do. Notes go to the logger ``rfl_mpc``, warnings a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
+from copy import deepcopy
 from pathlib import Path
 
 from rfl_mpc import _native
@@ -58,6 +60,10 @@ __all__ = [
 __version__: str = _native.__version__
 
 Settings = Mapping[str, float | str]
+
+
+class _TimeError(RflError, ValueError):
+    """A time that cannot be a step's."""
 
 
 class NotBetterError(RflError):
@@ -361,6 +367,8 @@ class Controller:
     >>> x, y, yaw, speed = controller.start
     >>> controller.step(x=x, y=y, yaw=yaw, vx=speed, vy=0.0, yaw_rate=0.0).status
     'optimal'
+
+    ``copy.copy`` and ``copy.deepcopy`` give a controller of its own in the same state.
     """
 
     def __init__(
@@ -382,6 +390,18 @@ class Controller:
             residual=residual, models=models, direct=direct,
         )  # fmt: skip
         self._controller, _ = call(_native.Controller, options)
+        self._time: float | None = None
+
+    def __copy__(self) -> Controller:
+        copied = object.__new__(type(self))
+        copied.__dict__ |= self.__dict__ | {"_controller": self._controller.copied()}
+        return copied
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Controller:
+        copied = memo[id(self)] = self.__copy__()
+        own = {name: value for name, value in self.__dict__.items() if name != "_controller"}
+        copied.__dict__ |= deepcopy(own, memo)
+        return copied
 
     def step(
         self,
@@ -410,10 +430,22 @@ class Controller:
         articulation, articulation_rate
             Trucks: tractor yaw minus trailer yaw, rad and rad/s.
         time
-            Time of the measurement, s, where steps are not evenly spaced.
+            Time of the measurement, s, where steps are not evenly spaced: later than that of the step before. Another
+            drive is driven by another controller.
         """
         measured = (x, y, yaw, vx, vy, yaw_rate, steer, articulation, articulation_rate)
-        return self._controller.step_with(time, measured)
+        if time is not None:
+            self._check_time(time)
+        command = self._controller.step_with(time, measured)
+        self._time = time
+        return command
+
+    def _check_time(self, time: float) -> None:
+        if not math.isfinite(time):
+            raise _TimeError(f"time: {time} s; give a finite number, or no time where steps are evenly spaced")
+        if self._time is not None and time <= self._time:
+            words = "a step is later than the one before; for another drive make another Controller"
+            raise _TimeError(f"time: {time:g} s after {self._time:g} s; {words}")
 
     @property
     def sample_time(self) -> float:

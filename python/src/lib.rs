@@ -7,13 +7,13 @@
 mod work;
 
 use pyo3::create_exception;
-use pyo3::exceptions::PyException;
+use pyo3::exceptions::{PyException, PyValueError};
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBytes, PyType};
 use rfl_mpc::cli::drive::Stepwise;
 use rfl_mpc::cli::{self, ReadsLogs};
-use rfl_mpc::control::{Measurement, StepReport};
+use rfl_mpc::control::{ControlStatus, Measurement, StepReport};
 use rfl_mpc::log::DriveLog;
 use std::error::Error;
 use std::ffi::OsString;
@@ -102,8 +102,45 @@ impl From<StepReport> for Command {
     }
 }
 
+/// The numbers of a [`Command`] beside its status, in the order of its fields.
+type Numbers = ([f64; 2], bool, [f64; 7], u32, f64);
+
 #[pymethods]
 impl Command {
+    #[new]
+    fn new(status: &str, numbers: Numbers) -> PyResult<Self> {
+        let found = ControlStatus::ALL.iter().find(|known| known.name() == status);
+        let Some(status) = found.map(|known| known.name()) else {
+            return Err(PyValueError::new_err(format!("'{status}' is no status of a controller")));
+        };
+        let ([steer_cmd, accel_cmd], finished, of_road, iterations, compute_time) = numbers;
+        let [e1, e1_rate, e2, e2_rate, station, curvature, speed_ref] = of_road;
+        Ok(Self {
+            steer_cmd,
+            accel_cmd,
+            status,
+            finished,
+            e1,
+            e1_rate,
+            e2,
+            e2_rate,
+            station,
+            curvature,
+            speed_ref,
+            iterations,
+            compute_time,
+        })
+    }
+
+    /// For `pickle` and `copy`.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, (&'static str, Numbers)) {
+        let of_road =
+            [self.e1, self.e1_rate, self.e2, self.e2_rate, self.station, self.curvature, self.speed_ref];
+        let commands = [self.steer_cmd, self.accel_cmd];
+        let numbers = (commands, self.finished, of_road, self.iterations, self.compute_time);
+        (py.get_type::<Self>(), (self.status, numbers))
+    }
+
     fn __repr__(&self) -> String {
         format!(
             "Command(steer_cmd={:.5}, accel_cmd={:.3}, status='{}', e1={:.4}, station={:.2})",
@@ -135,6 +172,11 @@ impl Controller {
         let [x, y, yaw, vx, vy, yaw_rate, steer, articulation, articulation_rate] = measured;
         let measured = Measurement { x, y, yaw, vx, vy, yaw_rate, steer, articulation, articulation_rate };
         py.detach(|| guarded(|| Ok(self.with(|one| one.step(time, &measured))?.into())))
+    }
+
+    /// A controller of its own in the same state.
+    fn copied(&self, py: Python<'_>) -> PyResult<Self> {
+        py.detach(|| guarded(|| Ok(Self(Mutex::new(self.with(|one| one.copied())?)))))
     }
 
     #[getter]

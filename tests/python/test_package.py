@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import gzip
 import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -66,6 +68,82 @@ def test_the_controller_decides_step_by_step_as_in_the_drive(rfl_mpc, drive):
         assert command.steer_cmd == drive.columns["steer_cmd"][at], (at, command)
     assert command.status == drive.statuses[-1] and command.e1 == drive.columns["e1"][-1]
     assert controller.actuator == drive.actuator
+
+
+VARIANTS = [
+    {},
+    {"vehicle": "truck_simulation", "path": "truck_test"},
+    {"variant": "nmpc"},
+    {"set": {"mpc.dither": 1e-3}},
+]
+
+
+@pytest.mark.parametrize("how", [copy.copy, copy.deepcopy])
+@pytest.mark.parametrize("options", VARIANTS, ids=lambda options: " ".join(map(str, options)) or "default")
+def test_a_copy_of_a_controller_goes_on_alone_and_as_the_original_would(rfl_mpc, how, options):
+    original, twin = (rfl_mpc.Controller(**{"path": "sudoku_turns", **options}) for _ in range(2))
+
+    def steps(controller, count, begin):
+        """A vehicle beside the path; its commands."""
+        x, y, yaw, speed = controller.start
+        told = []
+        for k in range(begin, begin + count):
+            pose = {"x": x + 0.02 * speed * k, "y": y + 0.3 + 1e-3 * k, "yaw": yaw + 0.02 * np.sin(k)}
+            command = controller.step(**pose, vx=speed, vy=0.0, yaw_rate=0.1 * np.sin(k), time=0.02 * k)
+            told.append((command.steer_cmd, command.accel_cmd, command.status, command.station))
+        return told
+
+    steps(original, 20, 0)
+    steps(twin, 20, 0)
+    copied = how(original)
+    expected = steps(twin, 20, 20)
+    # Neither knows of the other's steps.
+    assert steps(copied, 20, 20) == expected
+    assert steps(original, 20, 20) == expected
+    assert copied.actuator == original.actuator and copied.sample_time == original.sample_time
+
+
+def test_a_copy_keeps_what_a_subclass_has(rfl_mpc):
+    class Named(rfl_mpc.Controller):
+        def __init__(self, names):
+            super().__init__("sudoku_turns")
+            self.names = names
+
+    original = Named(["a"])
+    assert copy.copy(original).names is original.names
+    deep = copy.deepcopy([original, original])
+    assert deep[0] is deep[1] and deep[0].names == ["a"] and deep[0].names is not original.names
+
+
+def test_a_time_that_is_none_or_not_later_is_refused(rfl_mpc):
+    controller = rfl_mpc.Controller("sudoku_turns")
+    x, y, yaw, speed = controller.start
+    at = {"x": x, "y": y, "yaw": yaw, "vx": speed, "vy": 0.0, "yaw_rate": 0.0}
+    controller.step(**at, time=1.0)
+    for bad in (float("nan"), float("inf"), 0.5, 1.0, np.float64(-3)):
+        for kind in (ValueError, rfl_mpc.RflError):
+            with pytest.raises(kind, match="time: "):
+                controller.step(**at, time=bad)
+    with pytest.raises(rfl_mpc.RflError, match=r"time: 0.5 s after 1 s; a step is later .* another Controller"):
+        copy.copy(controller).step(**at, time=0.5)
+    assert controller.step(**at, time=1.02).station < 1.0
+    # A step without a time begins a clock anew.
+    controller.step(**at)
+    assert controller.step(**at, time=0.0).station < 1.0
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_a_command_is_pickled(rfl_mpc, protocol):
+    controller = rfl_mpc.Controller("sudoku_turns")
+    x, y, yaw, speed = controller.start
+    names = [name for name in dir(rfl_mpc.Command) if not name.startswith("_")]
+    for offset in (0.2, 30.0):
+        command = controller.step(x=x, y=y + offset, yaw=yaw, vx=speed, vy=0.0, yaw_rate=0.0)
+        again = pickle.loads(pickle.dumps(command, protocol))
+        assert [getattr(again, name) for name in names] == [getattr(command, name) for name in names]
+        assert repr(again) == repr(command) == repr(copy.copy(command)) and len(names) == 13
+    with pytest.raises(ValueError, match="'fine' is no status"):
+        rfl_mpc.Command("fine", command.__reduce__()[1][1])
 
 
 def test_a_table_is_diagnosed_as_its_file_is(rfl_mpc, drive, told, rfl, tmp_path):

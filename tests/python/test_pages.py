@@ -29,6 +29,30 @@ def test_blocks_run_as_printed(rfl_mpc, page, tmp_path, monkeypatch):
         exec(compile(block, str(page), "exec"), {"__name__": "block"})
 
 
+def rows(page: Path, head: str) -> list[list[str]]:
+    """Cells of the table below a head."""
+    table = page.read_text(encoding="utf-8").split(head)[1].split("\n\n")[0].splitlines()[1:]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in table if line.startswith("|")]
+
+
+def test_statuses_of_the_controller_are_listed_with_their_meaning():
+    """As the FMU has them, whose description is made from the code."""
+    text = (ROOT / "modelDescription" / "RflMpc.xml").read_text(encoding="utf-8")
+    (of_status,) = [one for one in re.findall(r"<Enumeration.*?</Enumeration>", text, re.DOTALL) if "safe_hold" in one]
+    items = re.findall(r'<Item name="(\w+)" value="\d+" description="([^"]+)"', of_status)
+    assert rows(ROOT / "docs" / "python.md", "| `status` | meaning |\n|") == [
+        [f"`{name}`", words] for name, words in items
+    ]
+
+
+def test_columns_of_the_vehicles_are_listed(rfl_mpc):
+    tables = pytest.importorskip("rfl_mpc.fleet.tables")
+    pytest.importorskip("pyarrow")
+    page = ROOT / "docs" / "fleet.md"
+    table = rows(page, "Columns of `vehicles.parquet`:\n\n| column | |\n|")
+    assert re.findall(r"`(\w+)`", " ".join(name for name, _ in table)) == tables.change_schema().names
+
+
 @pytest.mark.skipif(not os.environ.get("RFL_NOTEBOOKS"), reason="notebooks take minutes: RFL_NOTEBOOKS=1 runs them")
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda notebook: notebook.stem)
 def test_notebooks_run(rfl_mpc, folder, notebook, tmp_path, monkeypatch):

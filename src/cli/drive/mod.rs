@@ -18,6 +18,7 @@ mod stepwise;
 
 pub(super) use model::{MODELS, ModelArgs};
 pub(super) use setup::{Setup, number, setting};
+use stepwise::Steps;
 pub use stepwise::Stepwise;
 
 use super::files::{check_files, given};
@@ -199,10 +200,11 @@ fn controller_of<P: Commanded<S, C, Nominal: Send>, const S: usize, const C: usi
     args: &DriveArgs,
 ) -> Result<Box<dyn Stepwise>, Box<dyn Error>>
 where
-    ControllerFor<P::Nominal, S>: Send + 'static,
+    Steps<P::Nominal, S>: Send + 'static,
 {
     let (setup, _, model) = set_up::<P, S, C>(args)?;
-    Ok(Box::new(ControllerFor::predicting_with(setup.controller, setup.path, model)?))
+    let controller = ControllerFor::predicting_with(setup.controller, setup.path, model.clone())?;
+    Ok(Box::new(Steps { controller, model }))
 }
 
 /// Road, vehicle and controller from the arguments, and the controller's prediction model.

@@ -1,7 +1,8 @@
 //! A controller of any kind of vehicle behind one interface, for a program that closes the loop itself.
 
 use crate::control::{
-    ControlledParameters, ControllerFor, KnownActuator, Measurement, StepError, StepReport,
+    ControlledParameters, ControllerError, ControllerFor, KnownActuator, Measurement, PredictionModelFor,
+    StepError, StepReport,
 };
 
 /// A controller that is called step by step.
@@ -23,34 +24,55 @@ pub trait Stepwise: Send {
 
     /// Dead time and lag of the steering actuator, and the uncertainty of their sum, as the drive has shown them, s.
     fn actuator(&self) -> Option<[f64; 3]>;
+
+    /// A controller of its own in the same state: its steps are those that this one would make.
+    ///
+    /// # Errors
+    /// As of making one.
+    fn copied(&self) -> Result<Box<dyn Stepwise>, ControllerError>;
 }
 
-impl<G: ControlledParameters<S>, const S: usize> Stepwise for ControllerFor<G, S>
+/// A controller, and the model that a copy of it is made with.
+pub(super) struct Steps<G: ControlledParameters<S>, const S: usize> {
+    pub controller: ControllerFor<G, S>,
+    pub model: PredictionModelFor<G::Vehicle, S>,
+}
+
+impl<G: ControlledParameters<S>, const S: usize> Stepwise for Steps<G, S>
 where
-    ControllerFor<G, S>: Send,
+    Self: Send + 'static,
 {
     fn step(&mut self, time: Option<f64>, measured: &Measurement) -> Result<StepReport, StepError> {
         match time {
-            Some(time) => self.step_at(time, measured).copied(),
-            None => ControllerFor::step(self, measured).copied(),
+            Some(time) => self.controller.step_at(time, measured).copied(),
+            None => self.controller.step(measured).copied(),
         }
     }
 
     fn sample_time(&self) -> f64 {
-        self.parameters().mpc.sample_time
+        self.controller.parameters().mpc.sample_time
     }
 
     fn start(&self) -> [f64; 4] {
-        let begin = self.path().at(0.0);
-        [begin.x, begin.y, begin.yaw, self.start_speed()]
+        let begin = self.controller.path().at(0.0);
+        [begin.x, begin.y, begin.yaw, self.controller.start_speed()]
     }
 
     fn length(&self) -> f64 {
-        self.path().length()
+        self.controller.path().length()
     }
 
     fn actuator(&self) -> Option<[f64; 3]> {
-        let KnownActuator { actuator, spread, .. } = self.known_actuator()?;
+        let KnownActuator { actuator, spread, .. } = self.controller.known_actuator()?;
         Some([actuator.dead_time, actuator.time_constant, spread])
+    }
+
+    fn copied(&self) -> Result<Box<dyn Stepwise>, ControllerError> {
+        let (parameters, path) = (*self.controller.parameters(), self.controller.path().clone());
+        let mut controller = ControllerFor::predicting_with(parameters, path, self.model.clone())?;
+        // One of the same parameters and model takes it.
+        let refused = controller.restore(self.controller.state().clone());
+        debug_assert!(refused.is_none(), "the state of a controller that was made alike");
+        Ok(Box::new(Self { controller, model: self.model.clone() }))
     }
 }
