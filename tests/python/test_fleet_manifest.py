@@ -32,7 +32,7 @@ def test_a_table_says_vehicle_time_and_files(manifest, tmp_path, suffix):
     table = pd.DataFrame({
         "log": ["x/2.csv", "x/1.csv", "/data/3.csv"],
         "vehicle": ["one", "one", "two"],
-        "time": ["2026-03-02T08:00:00", "2026-03-01T08:00:00Z", "2026-03-01T08:00:00"],
+        "time": ["2026-03-02T08:00:00Z", "2026-03-01T08:00:00Z", "2026-03-01T08:00:00+01:00"],
         "vehicle_file": ["my_car.toml", "my_car.toml", "c_class"],
         "reference": ["", "x/0.csv", ""],
     })  # fmt: skip
@@ -96,6 +96,61 @@ def test_what_names_no_drives_is_said(rfl_mpc, manifest, source):
 def test_times_may_be_numbers(manifest, tmp_path):
     (tmp_path / "drives.csv").write_text("log,vehicle,time\na.csv,v,10\nb.csv,v,9.5\n")
     assert of(manifest.read([tmp_path / "drives.csv"])) == [("v", "b.csv"), ("v", "a.csv")]
+
+
+@pytest.mark.parametrize("name", ["drives.parquet", "frame"])
+@pytest.mark.parametrize("index", [["vehicle"], ["log"], ["vehicle", "time"], ["number"]])
+def test_the_index_of_a_table_is_of_its_columns(manifest, tmp_path, monkeypatch, name, index):
+    monkeypatch.chdir(tmp_path)
+    table = pd.DataFrame({"log": ["b.csv", "a.csv"], "vehicle": ["v", "w"], "time": [1, 2], "number": [3, 4]})
+    table = table.set_index("number") if index == ["number"] else table.drop(columns="number").set_index(index)
+    if name == "drives.parquet":
+        table.to_parquet(name)
+    drives = manifest.read([name if name == "drives.parquet" else table])
+    assert of(drives) == [("v", "b.csv"), ("w", "a.csv")] and [drive.time for drive in drives] == ["1", "2"]
+
+
+DAY = "2026-03-0{}T08:00:00"
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        ([DAY.format(1) + "Z", DAY.format(2)], "times with a zone in row 2, times without a zone in row 3: which was"),
+        (
+            [DAY.format(1), DAY.format(2) + "+01:00", DAY.format(3)],
+            "without a zone in rows 2, 4, times with .* in row 3",
+        ),
+        (["2026-03-01", "2026-03-02T08Z"], "row 2, .* row 3"),
+        ([DAY.format(day) for day in range(1, 6)] + ["2026-03-07T08:00:00-05"], "rows 2, 3, 4 and 2 more, .* row 7"),
+        ([pd.Timestamp(DAY.format(1)), pd.Timestamp(DAY.format(2), tz="UTC")], "row 2, .* row 3"),
+    ],
+)
+def test_times_with_and_without_a_zone_are_not_compared(rfl_mpc, manifest, times, words):
+    logs = [f"{number}.csv" for number in range(len(times))]
+    with pytest.raises(rfl_mpc.RflError, match=words):
+        manifest.read([pd.DataFrame({"log": logs, "vehicle": "v", "time": pd.Series(times, dtype=object)})])
+
+
+@pytest.mark.parametrize("others", [[DAY.format(1)], [5]])
+def test_tables_with_times_of_several_kinds_are_not_joined_in_a_vehicle(rfl_mpc, manifest, others):
+    zoned = pd.DataFrame({"log": ["a.csv"], "vehicle": ["v"], "time": [DAY.format(2) + "Z"]})
+    other = pd.DataFrame({"log": ["b.csv"], "vehicle": ["v"], "time": others})
+    with pytest.raises(rfl_mpc.RflError, match=r"vehicle 'v': .*a.csv has times with a zone, .*b.csv (times|numbers)"):
+        manifest.read([zoned, other])
+    assert len(manifest.read([zoned, other.assign(vehicle="w")])) == 2
+
+
+def test_a_tilde_is_the_home_folder_in_a_table_and_beside_it(manifest, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    (tmp_path / "car.toml").write_text("")
+    head = "log,vehicle,vehicle_file,reference\n"
+    (tmp_path / "drives.csv").write_text(head + "~/logs/a.csv,v,~/car.toml,~/r.csv\n")
+    for given in ("~/drives.csv", b"~/drives.csv"):
+        (drive,) = manifest.read([given])
+        files = [drive.log, drive.vehicle_file, drive.reference]
+        assert files == [str(tmp_path / name) for name in ("logs/a.csv", "car.toml", "r.csv")]
 
 
 @pytest.mark.parametrize(

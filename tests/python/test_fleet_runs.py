@@ -131,7 +131,11 @@ def test_a_bad_log_is_a_row_with_its_error(fleet, logs, tmp_path):
     found = fleet.run(tmp_path / "drives.csv", out=tmp_path / "fleet", workers=1, time_limit=12.0, pairs=False)
     errors = dict(zip(found.verdicts.log.map(lambda log: Path(log).name), found.verdicts.error))
     assert errors["drive_1.csv"] is None or errors["drive_1.csv"] != errors["drive_1.csv"]
-    assert "No such file" in errors["absent.csv"]
+    assert (
+        errors["absent.csv"]
+        == f"{tmp_path / 'absent.csv'}: cannot be read (No such file or directory); check the name and the permission"
+    )
+    assert not any("Errno" in str(error) for error in errors.values())
     assert "empty" in errors["empty.csv"] and "steer_cmd" in errors["other.csv"]
     assert errors["pipe.csv"] == "no answer within 12 s (--time-limit)"
     assert found.report["errors"] == 4 and "4 drives were not diagnosed, such as" in str(found)
@@ -214,6 +218,34 @@ def test_a_dry_run_has_no_tables(rfl_mpc, fleet, tmp_path):
     found = fleet.run(tmp_path / "a.csv", out=tmp_path / "fleet", dry_run=True)
     with pytest.raises(rfl_mpc.RflError, match="a dry run has no vehicles"):
         _ = found.vehicles
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_dry_run_says_which_files_are_missing(fleet, tmp_path, begun):
+    (tmp_path / "a.csv").write_text("time,vx\n0,1\n")
+    if begun:
+        fleet.run(tmp_path / "a.csv", out=tmp_path / "fleet", workers=1)
+    rows = [("a.csv", ""), *((f"{number}.csv", "") for number in range(4)), ("a.csv", "r.csv")]
+    frame = pd.DataFrame({
+        "log": [str(tmp_path / log) for log, _ in rows],
+        "vehicle": list("vvvvvw"),
+        "reference": [reference and str(tmp_path / reference) for _, reference in rows],
+    })  # fmt: skip
+    dry = fleet.run(frame, out=tmp_path / "fleet", dry_run=True)
+    plan, missing = str(dry).splitlines()
+    assert plan == f"6 drives of 2 vehicles of 1 types; {0 if begun else 1} of them to be diagnosed"
+    assert missing == "5 files are missing: " + ", ".join(str(tmp_path / f"{k}.csv") for k in range(3)) + " and 2 more"
+    assert dry.report["missing"][-1] == str(tmp_path / "r.csv")
+    (one,) = str(fleet.run(frame[:2], out=tmp_path / "fleet", dry_run=True)).splitlines()[1:]
+    assert one == f"1 file is missing: {tmp_path / '0.csv'}"
+
+
+def test_a_file_that_cannot_be_written_is_said(rfl_mpc, fleet, tmp_path):
+    (tmp_path / "a.csv").write_text("time,vx\n0,1\n")
+    (tmp_path / "fleet" / "index.html").mkdir(parents=True)
+    with pytest.raises(rfl_mpc.RflError, match=r"index.html.*: Is a directory; what was done is kept") as caught:
+        fleet.run(tmp_path / "a.csv", out=tmp_path / "fleet", workers=1)
+    assert "Errno" not in str(caught.value)
 
 
 def test_a_data_frame_says_which_drives_there_are(fleet, tmp_path):

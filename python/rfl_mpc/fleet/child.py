@@ -10,6 +10,7 @@ import sys
 import warnings
 from typing import Any
 
+from rfl_mpc._call import reason
 from rfl_mpc.fleet.store import file_hash
 
 
@@ -37,7 +38,11 @@ def answer(job: dict[str, Any]) -> dict[str, Any]:
             ).report
     except rfl_mpc.InternalError as error:
         return found | {"error": f"an error in rfl itself: {error}"}
-    except (rfl_mpc.RflError, OSError) as error:
+    except OSError as error:
+        return found | {
+            "error": f"{error.filename}: cannot be read ({reason(error)}); check the name and the permission"
+        }
+    except rfl_mpc.RflError as error:
         return found | {"error": str(error)}
     return found | row_of(report)
 
@@ -53,7 +58,7 @@ def _log(path: str) -> Any:
     try:
         return pd.read_parquet(path)
     except (ValueError, OSError) as error:
-        raise rfl_mpc.RflError(f"{path}: {error}") from None
+        raise rfl_mpc.RflError(f"{path}: {reason(error)}; write it anew") from None
 
 
 def row_of(report: dict[str, Any]) -> dict[str, Any]:

@@ -78,7 +78,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--workers", type=int, default=None, help="worker processes on this machine (default: one a processor)"
     )
-    made.add_argument("--dry-run", action="store_true", help="say what would be done, and do nothing")
+    made.add_argument(
+        "--dry-run", action="store_true", help="say what would be done and which files are missing, and do nothing"
+    )
     made.add_argument("--again", action="store_true", help="try drives that gave an error once more")
     made.add_argument(
         "--time-limit",

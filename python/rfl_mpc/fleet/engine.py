@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import rfl_mpc
 from rfl_mpc import _native
+from rfl_mpc._call import reason
 from rfl_mpc._native import RflError
 from rfl_mpc.fleet.manifest import Drive
 from rfl_mpc.fleet.store import Store, file_hash, key_of, vehicle_hash
@@ -80,7 +81,7 @@ def cluster(address: str | None, workers: int | None = None) -> Iterator[Client]
             client = Client(address, timeout=20)
         except (OSError, ValueError, TimeoutError) as error:
             raise RflError(
-                f"--dask {address}: no scheduler answers ({error}); start one with 'dask scheduler'"
+                f"--dask {address}: no scheduler answers ({reason(error)}); start one with 'dask scheduler'"
             ) from None
         with client:
             yield client

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rfl_mpc._call import file_name, reason
 from rfl_mpc._native import RflError, signals
 
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ class Drive:
     vehicle_file: str | None = None
     """The simulator's vehicle, and so the type; None: the default."""
     reference: str | None = None
+    clock: str | None = None
+    """Kind of ``time``: times of one kind can be compared."""
 
 
 def is_table(source: Any) -> bool:
@@ -74,9 +77,9 @@ def read(sources: Sequence[Any]) -> list[Drive]:
         if is_table(given):
             drives += _of_frame(given)
             continue
-        if not isinstance(given, (str, os.PathLike)):
+        if not isinstance(given, (str, bytes, os.PathLike)):
             raise RflError(f"{given!r} names no drives; give a folder, a log or a manifest")
-        source = Path(given)
+        source = Path(file_name(given))
         if source.is_dir():
             found = list(_of_folder(source))
             if not found:
@@ -99,6 +102,11 @@ def read(sources: Sequence[Any]) -> list[Drive]:
         if (drive.vehicle, drive.log) in seen:
             raise RflError(f"{drive.log} is given twice for vehicle '{drive.vehicle}'; name each drive once")
         seen[drive.vehicle, drive.log] = None
+    timed: dict[str, Drive] = {}
+    for drive in drives:
+        if drive.clock and (first := timed.setdefault(drive.vehicle, drive)).clock != drive.clock:
+            words = f"{first.log} has {first.clock}, {drive.log} {drive.clock}"
+            raise RflError(f"vehicle '{drive.vehicle}': {words}: which was first? Give times of one kind")
     return sorted(drives, key=lambda drive: (drive.vehicle, drive.order))
 
 
@@ -153,7 +161,7 @@ def _table(source: Path) -> pd.DataFrame | None:
         try:
             return pd.read_parquet(source)
         except (ValueError, OSError) as error:
-            raise RflError(f"{source}: {error}; write it anew") from None
+            raise RflError(f"{source}: {reason(error)}; write it anew") from None
     if not source.name.endswith((".csv", ".csv.gz", ".tsv")) or not source.is_file():
         return None
     try:
@@ -230,17 +238,25 @@ def _of_frame(given: Any) -> Iterator[Drive]:
     """Drives of a data frame; its files are relative to the current folder."""
     import pandas as pd
 
-    table = given.to_pandas() if hasattr(given, "to_pandas") else pd.DataFrame(given)
+    table = _with_index(given.to_pandas() if hasattr(given, "to_pandas") else pd.DataFrame(given))
     names = [_lower(column) for column in table.columns]
     if not {"log", "vehicle"} <= set(names):
         raise RflError(f"<table>: no manifest (columns: {', '.join(names[:8]) or 'none'}); {NEEDS}")
     yield from _of_table("<table>", Path.cwd(), table)
 
 
+def _with_index(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with its index as columns, where that has names of a manifest's columns."""
+    names = {_lower(column) for column in table.columns}
+    levels = {name: level for level, name in enumerate(table.index.names) if name is not None}
+    wanted = {name: level for name, level in levels.items() if _lower(name) in COLUMNS and _lower(name) not in names}
+    return table.assign(**{_lower(name): table.index.get_level_values(level) for name, level in wanted.items()})
+
+
 def _of_table(source: str, folder: Path, table: pd.DataFrame) -> Iterator[Drive]:
     import pandas as pd
 
-    table = table.rename(columns=_lower)
+    table = _with_index(table).rename(columns=_lower)
     other = [name for name in table.columns if name not in COLUMNS]
     if other:
         raise RflError(f"{source}: column '{other[0]}' is none of a manifest; its columns are {', '.join(COLUMNS)}")
@@ -259,11 +275,11 @@ def _of_table(source: str, folder: Path, table: pd.DataFrame) -> Iterator[Drive]
     def placed(value: Any) -> str | None:
         if value is None:
             return None
-        text = str(value)
+        text = file_name(value) if isinstance(value, (str, bytes, os.PathLike)) else str(value)
         return text if os.path.isabs(text) else os.path.normpath(base + text)
 
     times = column("time")
-    orders = _orders(source, times)
+    clock, orders = _orders(source, times)
     for row, (log, vehicle, time, order, file, reference) in enumerate(
         zip(column("log"), column("vehicle"), times, orders, column("vehicle_file"), column("reference"))
     ):
@@ -274,15 +290,15 @@ def _of_table(source: str, folder: Path, table: pd.DataFrame) -> Iterator[Drive]
         own = file if file is None or not re.search(r"[/\\.]", str(file)) else placed(file)
         text = None if time is None else str(time)
         log_path = placed(log) or ""
-        yield Drive(log_path, str(vehicle), (order, _natural(log_path)), text, own, placed(reference))
+        yield Drive(log_path, str(vehicle), (order, _natural(log_path)), text, own, placed(reference), clock)
 
 
-def _orders(source: str, times: list[Any]) -> list[float]:
-    """Times as numbers: seconds, or dates; none: in the order of the names."""
+def _orders(source: str, times: list[Any]) -> tuple[str | None, list[float]]:
+    """Kind of the times, and the times as numbers: seconds, or dates; none: in the order of the names."""
     import pandas as pd
 
     if all(time is None for time in times):
-        return [0.0] * len(times)
+        return None, [0.0] * len(times)
     for row, time in enumerate(times):
         if time is None:
             raise RflError(f"{source}, row {row + 2}: no time, where other rows have one")
@@ -293,8 +309,28 @@ def _orders(source: str, times: list[Any]) -> list[float]:
         if dates.isna().any():
             row = int(dates.isna().to_numpy().argmax())
             raise RflError(f"{source}, row {row + 2}: time '{times[row]}' is neither a number nor a date (ISO 8601)")
-        return [date.timestamp() for date in dates]
+        return _zones(source, times), [date.timestamp() for date in dates]
     if numbers.isna().any():
         row = int(numbers.isna().to_numpy().argmax())
         raise RflError(f"{source}, row {row + 2}: time '{times[row]}' is no number, where other rows have numbers")
-    return [float(number) for number in numbers]
+    return "numbers for times", [float(number) for number in numbers]
+
+
+def _zones(source: str, times: list[Any]) -> str:
+    """Kind of dates; with a zone and without one they cannot be compared."""
+    import pandas as pd
+
+    kinds: dict[str, list[int]] = {}
+    for row, time in enumerate(times, start=2):
+        zoned = pd.Timestamp(str(time).strip()).tzinfo is not None
+        kinds.setdefault("times with a zone" if zoned else "times without a zone", []).append(row)
+    if len(kinds) > 1:
+        words = ", ".join(f"{kind} in {_rows(rows)}" for kind, rows in kinds.items())
+        raise RflError(f"{source}: {words}: which was first? Give all a zone, such as Z for UTC, or none")
+    return next(iter(kinds))
+
+
+def _rows(rows: list[int]) -> str:
+    """Some rows by their numbers, the first ones."""
+    more = f" and {len(rows) - 3} more" if len(rows) > 3 else ""
+    return f"row{'s' if len(rows) > 1 else ''} {', '.join(map(str, rows[:3]))}{more}"

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import rfl_mpc
-from rfl_mpc._call import plain
+from rfl_mpc._call import File, file_name, plain, reason
 from rfl_mpc._native import RflError
 from rfl_mpc.fleet import engine, manifest, page, tables
 from rfl_mpc.fleet.changes import Change, Vehicle
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 STORE = "drives.sqlite"
+NAMED = 3
+"""Files that are named of many."""
 NOT_KNOWN = "not known"
 """Type of vehicles without a vehicle file of which no drive was diagnosed."""
 
@@ -68,7 +70,7 @@ class Fleet:
             now = (self.out / "fleet.json").read_text(encoding="utf-8")
             found = pd.read_parquet(self.out / name)
         except OSError as error:
-            raise RflError(f"{self.out / name}: cannot be read ({error.strerror}); run again") from None
+            raise RflError(f"{self.out / name}: cannot be read ({reason(error)}); run again") from None
         if now != _json(self.report):
             raise RflError(f"{self.out}: another run has written here since; give each run an out of its own")
         return found
@@ -84,8 +86,8 @@ def _json(report: dict[str, Any]) -> str:
 def run(
     sources: Any,
     *,
-    vehicle: str | os.PathLike[str] | None = None,
-    out: str | os.PathLike[str] = "fleet",
+    vehicle: File | None = None,
+    out: File = "fleet",
     dask: str | None = None,
     workers: int | None = None,
     dry_run: bool = False,
@@ -111,7 +113,7 @@ def run(
     dask
         Address of a scheduler; its workers read the same files. Default: workers on this machine, ``workers`` of them.
     dry_run
-        Only say what would be done.
+        Only say what would be done, and which files are missing (``report["missing"]``).
     again
         Drives that gave an error are tried once more.
     time_limit
@@ -132,9 +134,13 @@ def run(
         raise RflError(f"time_limit: {time_limit!r}; give a number of seconds, more than 0")
     if not (isinstance(reports, numbers.Integral) and reports >= 0):
         raise RflError(f"reports: {reports!r}; give a whole number, 0 or more")
-    one = isinstance(sources, (str, os.PathLike)) or manifest.is_table(sources) or not isinstance(sources, Iterable)
+    one = (
+        isinstance(sources, (str, bytes, os.PathLike))
+        or manifest.is_table(sources)
+        or not isinstance(sources, Iterable)
+    )
     given = [sources] if one else list(sources)
-    default = None if vehicle is None else _vehicle(os.fspath(vehicle))
+    default = None if vehicle is None else _vehicle(file_name(vehicle))
     drives = [
         drive if drive.vehicle_file is not None else replace(drive, vehicle_file=default)
         for drive in manifest.read(given)
@@ -149,13 +155,13 @@ def run(
     options: dict[str, Any] = {"pairs": plain(pairs), "trust": trust, "rate": plain(rate)}
     for file in sorted({drive.vehicle_file for drive in drives}, key=str):
         _check(file, options)
-    folder = Path(out)
+    folder = Path(file_name(out))
     if dry_run and not (folder / STORE).exists():
-        return _plan_words(folder, drives, len(drives))
+        return _plan_words(folder, drives, range(len(drives)))
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RflError(f"--out {folder}: {error.strerror}; give a folder that can be written to") from None
+        raise RflError(f"--out {folder}: {reason(error)}; give a folder that can be written to") from None
     store = Store(folder / STORE)
     try:
         plan = engine.plan(drives, store, options)
@@ -167,7 +173,7 @@ def run(
                 plan.keys[row] = None
             plan.waiting = sorted({*plan.waiting, *failed})
         if dry_run:
-            return _plan_words(folder, drives, len(plan.waiting))
+            return _plan_words(folder, drives, plan.waiting)
         say_progress = not quiet
         with contextlib.ExitStack() as stack:
             client = None
@@ -178,7 +184,10 @@ def run(
             types = _reduced(answers, say_progress)
             places = _first_changed(types, answers, reports)
             written = _reports(folder, answers, places, options, time_limit, client, stack, dask, workers)
-        return _write(folder, answers, types, written)
+        try:
+            return _write(folder, answers, types, written)
+        except OSError as error:
+            raise RflError(f"{error.filename or folder}: {reason(error)}; what was done is kept: run again") from None
     finally:
         store.close()
 
@@ -202,11 +211,21 @@ def _check(vehicle: str | None, options: dict[str, Any]) -> None:
             raise
 
 
-def _plan_words(folder: Path, drives: Sequence[Drive], waiting: int) -> Fleet:
+def _plan_words(folder: Path, drives: Sequence[Drive], rows: Sequence[int]) -> Fleet:
+    """What would be done: the drives of some rows, as far as their files are there."""
     vehicles = len({drive.vehicle for drive in drives})
     types = len({drive.vehicle_file for drive in drives})
+    lacks = {row: [file for file in (drive.log, drive.reference) if file and not os.path.exists(file)]
+             for row, drive in enumerate(drives)}  # fmt: skip
+    missing = list(dict.fromkeys(itertools.chain(*lacks.values())))
+    waiting = sum(not lacks[row] for row in rows)
     words = f"{len(drives)} drives of {vehicles} vehicles of {types} types; {waiting} of them to be diagnosed"
-    return Fleet(folder.absolute(), {"words": words, "changed": [], "drives": len(drives), "waiting": waiting})
+    if missing:
+        more = f" and {len(missing) - NAMED} more" if len(missing) > NAMED else ""
+        are = "file is" if len(missing) == 1 else "files are"
+        words += f"\n{len(missing)} {are} missing: {', '.join(missing[:NAMED])}{more}"
+    report = {"words": words, "changed": [], "drives": len(drives), "waiting": waiting, "missing": missing}
+    return Fleet(folder.absolute(), report)
 
 
 class Answers:
