@@ -37,7 +37,7 @@ impl CleanLog {
     /// # Errors
     /// Missing columns, and faults beyond repair.
     pub fn of(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<Self, UnusableLog> {
-        clean(log, steering).map_err(|cause| UnusableLog { file: log.file.clone(), cause })
+        clean(log, steering).map_err(|cause| UnusableLog::of(log, cause))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::error::perhaps;
 use super::finding::{Finding, FindingSeverity};
+use super::read::DriveLog;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -85,13 +86,26 @@ impl CleanLog {
 
 /// An unusable log, with the reason.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: {cause}", file.display())]
+#[error("{}: {cause}{}", file.display(), as_read(warnings))]
 pub struct UnusableLog {
     /// The log.
     pub file: PathBuf,
     /// Fault, and advice.
     #[source]
     pub cause: CleanError,
+    /// What was lost when the file was read: it may be the reason.
+    pub warnings: Vec<String>,
+}
+
+impl UnusableLog {
+    /// A fault of a log that was read.
+    pub(super) fn of(log: &DriveLog, cause: CleanError) -> Self {
+        Self { file: log.file.clone(), cause, warnings: log.warnings.clone() }
+    }
+}
+
+fn as_read(warnings: &[String]) -> String {
+    warnings.iter().map(|warning| format!(". When it was read: {warning}")).collect()
 }
 
 /// Reasons for which nothing can be computed from a log.

@@ -77,14 +77,14 @@ pub fn drives_of(
             let near = log.like(column);
             return Err(LogError::Missing { file: file.clone(), column, needed: NEEDED, near }.into());
         }
-        Err(cause) => return Err(UnusableLog { file: file.clone(), cause }.into()),
+        Err(cause) => return Err(UnusableLog::of(log, cause).into()),
     };
     if let Some(cause) = checked.errors {
-        return Err(UnusableLog { file: file.clone(), cause }.into());
+        return Err(UnusableLog::of(log, cause).into());
     }
     if let Some(finding) = checked.log.suspect() {
         let cause = CleanError::Suspect { words: finding.summary.clone() };
-        return Err(UnusableLog { file: file.clone(), cause }.into());
+        return Err(UnusableLog::of(log, cause).into());
     }
     log.notes.iter().chain(&log.warnings).for_each(|words| note(format!("{}: {words}", file.display())));
     for finding in checked.log.findings.iter().filter(|finding| finding.gravity > FindingSeverity::Note) {

@@ -40,7 +40,7 @@ impl SteeringLog {
     /// # Errors
     /// A missing column; no stretch that is long enough.
     pub fn by_angle(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<Self, UnusableLog> {
-        let unusable = |cause| UnusableLog { file: log.file.clone(), cause };
+        let unusable = |cause| UnusableLog::of(log, cause);
         let column = |name: &'static str| {
             log.column(name)
                 .ok_or_else(|| unusable(CleanError::Missing { column: name, near: log.like(name) }))
@@ -126,11 +126,11 @@ impl SteeringLog {
         let clean = CleanLog::of(log, steering)?;
         if !clean.commanded {
             let cause = CleanError::Missing { column: "steer_cmd", near: log.like("steer_cmd") };
-            return Err(UnusableLog { file: log.file.clone(), cause });
+            return Err(UnusableLog::of(log, cause));
         }
         if let Some(finding) = clean.suspect() {
             let cause = CleanError::Suspect { words: finding.summary.clone() };
-            return Err(UnusableLog { file: log.file.clone(), cause });
+            return Err(UnusableLog::of(log, cause));
         }
         let valid = |column: &str| -> Vec<f64> {
             let values = clean.columns[column].iter().zip(&clean.valid);

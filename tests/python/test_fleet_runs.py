@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gzip
 import importlib
 import json
 import os
@@ -156,6 +157,61 @@ def test_a_copy_of_a_log_counts_once_and_one_of_two_vehicles_for_neither(fleet, 
     found = fleet.run(copied, out=tmp_path / "fleet", workers=1, pairs=False)
     errors = found.verdicts.dropna(subset="error")
     assert set(errors.vehicle) == {"two", "three"} and errors.error.str.contains("whose is it").all()
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_an_error_names_the_file_of_its_row_whoever_had_it_first(fleet, tmp_path, monkeypatch, suffix):
+    """Equal files of two vehicles, by two runs and then by one that finds all done; likewise their references."""
+    table = pd.DataFrame({"time": [0.0, 1.0], "vx": [1.0, 1.0]})
+    good = pd.DataFrame({"time": 0.02 * np.arange(600), "steer_cmd": 0.0, "vx": 10.0, "yaw_rate": 0.0})
+    rows = []
+    for vehicle in ("one", "two"):
+        folder = tmp_path / vehicle
+        folder.mkdir()
+        for name, of in (("bad", table), ("good", good)):
+            file = folder / f"{name}.{suffix}"
+            of.to_csv(file, index=False) if suffix == "csv" else of.to_parquet(file)
+        rows.append((folder / f"bad.{suffix}", vehicle, ""))
+        rows.append((folder / f"good.{suffix}", vehicle, folder / f"bad.{suffix}"))
+    frame = pd.DataFrame(rows, columns=["log", "vehicle", "reference"]).astype(str)
+    for part in (frame[:2], frame[2:], frame):
+        if part is frame:
+            monkeypatch.setattr("rfl_mpc.fleet.engine.cluster", lambda *_: pytest.fail("nothing was to be done"))
+        verdicts = fleet.run(part, out=tmp_path / "fleet", workers=1, pairs=False).verdicts
+        assert len(verdicts) == len(part) and verdicts.error.str.contains("steer_cmd").all()
+        for vehicle, error in zip(verdicts.vehicle, verdicts.error):
+            assert error.startswith(f"{tmp_path / vehicle / 'bad'}.{suffix}: "), error
+
+
+def test_a_packed_log_that_is_cut_off_is_said(rfl_mpc, fleet, tmp_path):
+    """Too short by that: in its error; else as a finding, in the words and on the page."""
+    log = rfl_mpc.drive("sudoku_turns", duration=14).log.drop(columns="status")
+    log = log[["time", "steer_cmd", "steer", "vx", "yaw_rate"]] + 1e-4 * np.random.default_rng(1).normal(
+        size=(len(log), 5)
+    )
+    packed = gzip.compress(log.to_csv(index=False).encode())
+    for name, share in (("half", 0.5), ("most", 0.9), ("whole", 1.0)):
+        (tmp_path / "logs" / name).mkdir(parents=True)
+        (tmp_path / "logs" / name / "1.csv.gz").write_bytes(packed[: int(share * len(packed))])
+    found = fleet.run(tmp_path / "logs", out=tmp_path / "fleet", workers=2, pairs=False)
+    rows = found.verdicts.set_index("vehicle")
+    assert "at least 10 s are needed" in rows.error["half"] and "the packed file is cut off here" in rows.error["half"]
+    (finding,) = [one for one in rows.findings["most"] if "cut off" in one]
+    assert not any("cut off" in one for one in rows.findings["whole"])
+    assert f"found in 1 drive, such as drive 1 of most: {finding}" in str(found)
+    page = (tmp_path / "fleet" / "index.html").read_text()
+    assert f"<td>{finding}</td><td class=number>1</td><td>drive 1 of most</td>" in page
+
+
+def test_findings_that_differ_in_numbers_are_of_one_kind(fleet):
+    findings = importlib.import_module("rfl_mpc.fleet.findings")
+    gaps = [f"{count} gaps, the longest of {count / 7:.2f} s" for count in range(1, 9)]
+    told = [("v", place, [gap, "line 9: cut off"] if place == 3 else [gap, gap]) for place, gap in enumerate(gaps)]
+    first, second = findings.by_kind(told)
+    assert first == findings.Finding(gaps[0], [("v", place) for place in range(8)])
+    assert second == findings.Finding("line 9: cut off", [("v", 3)])
+    many = [findings.Finding(f"kind {letter}", [("v", 0)]) for letter in "abcdefg"]
+    assert findings.lines(many)[-1].startswith("2 more kinds of findings")
 
 
 @pytest.mark.parametrize(

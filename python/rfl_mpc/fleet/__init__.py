@@ -12,6 +12,7 @@ parameters, and these are joined: over the drives of a vehicle, and over the veh
 ``summary.py``     summaries as arrays
 ``hierarchy.py``   how parameters are spread over types, vehicles and drives
 ``changes.py``     what changed in a vehicle, since which drive
+``findings.py``    faults of logs by their kinds
 ``reduce.py``      from summaries to types and vehicles; what is said
 ``tables.py``      the Parquet files
 ``page.py``        the page

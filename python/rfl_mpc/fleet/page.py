@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from rfl_mpc.fleet.changes import Change
+from rfl_mpc.fleet.findings import Finding
 from rfl_mpc.fleet.reduce import TypeState, VehicleState
 from rfl_mpc.fleet.summary import MASSES
 
@@ -34,6 +35,8 @@ input { font: inherit; padding: .2rem .4rem; }
 """
 HISTORIES = 60
 """Vehicles whose history is drawn: the changed ones, then the likeliest."""
+NAMED = 5
+"""Drives that are named of those with a finding; column findings of verdicts.parquet has all."""
 ROWS = 2000
 """Vehicles in the table; all are in vehicles.parquet."""
 
@@ -126,12 +129,14 @@ def page(
     history: Callable[[TypeState, VehicleState, str], History | None],
     reports: Mapping[str, Sequence[tuple[int, str]]],
     counts: Mapping[str, int],
-    errors: Sequence[tuple[str, int, str]],
+    faults: tuple[Sequence[tuple[str, int, str]], Sequence[Finding]],
     version: str,
 ) -> str:
-    """The page; ``reports`` are the single reports of a vehicle: drive and place. ``errors``: vehicle, drive, words."""
+    """The page; ``reports`` are the single reports of a vehicle: drive and place. ``faults``: vehicle, drive and
+    words of those that were not diagnosed, and findings in the others' logs."""
     from plotly.offline import get_plotlyjs
 
+    errors, findings = faults
     of_type = {state.vehicle: of for of in types for state in of.vehicles}
     states = order(types)
     changed = [state for state in states if any(not change.passing for change in said_changes(state))]
@@ -191,6 +196,7 @@ def page(
         for vehicle, row, text in errors[:ROWS]
     )
     failed += "</table></div>" if errors else ""
+    failed += _findings(findings)
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>Fleet: {len(changed)} of {counts["vehicles"]} vehicles changed</title><style>{STYLE}</style>
@@ -215,6 +221,20 @@ the vehicle say.</p>
 <p class=dim>rfl fleet {html.escape(version)}; verdicts.parquet has a row a drive, vehicles.parquet a row a change.</p>
 <script>{"".join(drawn)}</script></body></html>
 """
+
+
+def _findings(findings: Sequence[Finding]) -> str:
+    """What was found in logs that were diagnosed, a row a kind."""
+    if not findings:
+        return ""
+    rows = []
+    for one in findings:
+        named = ", ".join(f"drive {place + 1} of {html.escape(vehicle)}" for vehicle, place in one.drives[:NAMED])
+        more = f" and {len(one.drives) - NAMED} more" if len(one.drives) > NAMED else ""
+        count = len(one.drives)
+        rows.append(f"<tr><td>{html.escape(one.text)}</td><td class=number>{count}</td><td>{named}{more}</td></tr>")
+    head = "<tr><th>such as<th class=number>drives<th>which</tr>"
+    return f"<h2>Found in logs</h2><div class=wide><table>{head}{''.join(rows)}</table></div>"
 
 
 def _short(type: str) -> str:

@@ -22,6 +22,8 @@ from rfl_mpc._call import File, file_name, plain, reason
 from rfl_mpc._native import RflError
 from rfl_mpc.fleet import engine, manifest, page, tables
 from rfl_mpc.fleet.changes import Change, Vehicle
+from rfl_mpc.fleet.findings import Finding, by_kind
+from rfl_mpc.fleet.findings import lines as finding_lines
 from rfl_mpc.fleet.manifest import Drive
 from rfl_mpc.fleet.reduce import TypeState, VehicleState, reduce_type, say
 from rfl_mpc.fleet.store import Store
@@ -285,6 +287,15 @@ class Answers:
         found = (self.of(row).get("information") for row in self.rows[type, vehicle])
         return [summary for summary in found if summary]
 
+    def findings(self) -> list[Finding]:
+        """What was found in the logs that were diagnosed."""
+        told = (
+            (vehicle, place, self.of(row).get("findings") or ())
+            for (_, vehicle), rows in sorted(self.rows.items())
+            for place, row in enumerate(rows)
+        )
+        return by_kind(told)
+
     def label(self, row: int) -> str:
         drive = self.plan.drives[row]
         return drive.time or Path(drive.log).name
@@ -390,11 +401,12 @@ def _write(folder: Path, answers: Answers, types: list[TypeState], reports) -> F
         for place, row in enumerate(rows):
             if error := answers.of(row).get("error"):
                 errors.append((vehicle, place, error))
+    findings = answers.findings()
     states = page.order(types)
     changed = [state for state in states if any(not one.passing for one in page.said_changes(state))]
     counts = {"drives": len(drives), "vehicles": len({drive.vehicle for drive in drives})}
     report = {
-        "words": _words(types, changed, counts, errors, labels, folder),
+        "words": _words(types, changed, counts, errors, findings, labels, folder),
         "changed": [state.vehicle for state in changed],
         **counts,
         "errors": len(errors),
@@ -413,7 +425,7 @@ def _write(folder: Path, answers: Answers, types: list[TypeState], reports) -> F
         "version": version,
     }  # fmt: skip
     tables.write_text(folder / "fleet.json", lambda: _json(report))
-    made = lambda: page.page(types, labels.__getitem__, _history(answers), reports, counts, errors, version)  # noqa: E731
+    made = lambda: page.page(types, labels.__getitem__, _history(answers), reports, counts, (errors, findings), version)  # noqa: E731
     tables.write_text(folder / "index.html", made)
     return Fleet(folder.absolute(), report)
 
@@ -453,7 +465,7 @@ def _parameters(types: Sequence[TypeState]) -> Iterator[dict[str, Any]]:
                 }  # fmt: skip
 
 
-def _words(types, changed, counts, errors, labels, folder: Path) -> str:
+def _words(types, changed, counts, errors, findings: Sequence[Finding], labels, folder: Path) -> str:
     lines = []
     for of in types:
         for one in of.common:
@@ -473,6 +485,7 @@ def _words(types, changed, counts, errors, labels, folder: Path) -> str:
             f"{len(errors)} drives were not diagnosed, such as drive {place + 1} of {vehicle}: {error} "
             "(all: column error of verdicts.parquet)"
         )
+    lines += finding_lines(findings)
     lines.append(
         f"{len(changed)} of {counts['vehicles']} vehicles changed ({counts['drives']} drives); {folder / 'index.html'}"
     )
