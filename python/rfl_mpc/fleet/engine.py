@@ -25,6 +25,10 @@ from rfl_mpc.fleet.work import diagnosed
 if TYPE_CHECKING:
     from distributed import Client
 
+FILES = {"<log>": "log", "<reference>": "reference", "<vehicle>": "vehicle_file"}
+"""Names that stand for a drive's files in answers that are kept: another drive may have files of the same content."""
+TEXTS = ("error", "words", "findings")
+"""What of an answer may name files."""
 AHEAD = 3
 """Drives that are handed over for each that runs: enough that none waits for the client."""
 
@@ -110,6 +114,32 @@ def job_of(drive: Drive, options: Mapping[str, Any]) -> dict[str, Any]:
     return files | {"options": dict(options)}
 
 
+def _replaced(answer: dict[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
+    """An answer with other names in its texts; a name that holds another one comes first."""
+
+    def text(value: Any) -> Any:
+        if isinstance(value, list):
+            return [text(one) for one in value]
+        if isinstance(value, str):
+            for name in sorted(names, key=len, reverse=True):
+                value = value.replace(name, names[name])
+        return value
+
+    return answer | {key: text(answer[key]) for key in TEXTS if key in answer}
+
+
+def kept(answer: dict[str, Any], drive: Drive) -> dict[str, Any]:
+    """A drive's answer as it is kept, for all drives with the same files by their content."""
+    files = {name: getattr(drive, of) for name, of in FILES.items()}
+    return _replaced(answer, {file: name for name, file in files.items() if file and os.path.isabs(file)})
+
+
+def told(answer: dict[str, Any], drive: Drive) -> dict[str, Any]:
+    """What is kept as the answer of a drive, with its own files."""
+    files = {name: getattr(drive, of) for name, of in FILES.items()}
+    return _replaced(answer, {name: file for name, file in files.items() if file})
+
+
 def run(
     plan: Plan,
     store: Store,
@@ -161,7 +191,7 @@ def run(
             log, reference = of.get(drive.log), of.get(drive.reference or "")
             # Files that cannot be read have no content to know them by: they are tried again by the next run.
             key = hashes.of(drive, log or f"unread {drive.log}", reference, options)
-            store.put(key, answer, [(path, size, time, hash) for path, (size, time, hash) in read.items()])
+            store.put(key, kept(answer, drive), [(path, size, time, hash) for path, (size, time, hash) in read.items()])
             plan.keys[row] = key
             done(drive, answer)
             future.release()

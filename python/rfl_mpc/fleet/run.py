@@ -242,7 +242,12 @@ class Answers:
         for row, key in enumerate(plan.keys):
             if key is not None:
                 same.setdefault(key, []).append(row)
-        self.copies = {row: words for rows in same.values() if len(rows) > 1 for row, words in self._copies(rows)}
+        self.copies = {
+            row: words
+            for rows in same.values()
+            if len(rows) > 1 and not self._answer(rows[0]).get("error")
+            for row, words in self._copies(rows)
+        }
         by_vehicle: dict[str, list[int]] = {}
         for row, drive in enumerate(plan.drives):
             by_vehicle.setdefault(drive.vehicle, []).append(row)
@@ -267,7 +272,8 @@ class Answers:
 
     def _answer(self, row: int) -> dict[str, Any]:
         key = self.plan.keys[row]
-        return (None if key is None else self.store.get(key)) or {"error": "not diagnosed"}
+        found = None if key is None else self.store.get(key)
+        return {"error": "not diagnosed"} if found is None else engine.told(found, self.plan.drives[row])
 
     def of(self, row: int) -> dict[str, Any]:
         """A drive's answer; an error of a copy, and where its log is of another kind of vehicle than the others."""
