@@ -86,26 +86,22 @@ impl CleanLog {
 
 /// An unusable log, with the reason.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: {cause}{}", file.display(), as_read(warnings))]
+#[error("{}: {cause}{losses}", file.display())]
 pub struct UnusableLog {
     /// The log.
     pub file: PathBuf,
     /// Fault, and advice.
     #[source]
     pub cause: CleanError,
-    /// What was lost when the file was read: it may be the reason.
-    pub warnings: Vec<String>,
+    /// [Losses](DriveLog::losses) in reading: they may be the reason.
+    pub losses: String,
 }
 
 impl UnusableLog {
     /// A fault of a log that was read.
     pub(super) fn of(log: &DriveLog, cause: CleanError) -> Self {
-        Self { file: log.file.clone(), cause, warnings: log.warnings.clone() }
+        Self { file: log.file.clone(), cause, losses: log.losses() }
     }
-}
-
-fn as_read(warnings: &[String]) -> String {
-    warnings.iter().map(|warning| format!(". When it was read: {warning}")).collect()
 }
 
 /// Reasons for which nothing can be computed from a log.

@@ -289,8 +289,14 @@ impl DriveLog {
         self.unread.iter().filter(is_like).take(3).map(|name| name.chars().take(40).collect()).collect()
     }
 
-    /// Conversions, as findings.
-    pub(super) fn findings(&self) -> impl Iterator<Item = Finding> {
+    /// Losses in reading the file, to go on an error's words with; empty where nothing was lost.
+    #[must_use]
+    pub fn losses(&self) -> String {
+        self.warnings.iter().map(|warning| format!(". When it was read: {warning}")).collect()
+    }
+
+    /// Conversions and losses, as findings.
+    pub fn findings(&self) -> impl Iterator<Item = Finding> {
         let finding = |gravity| move |words: &String| Finding::new(gravity, None, words.clone());
         let notes = self.notes.iter().map(finding(FindingSeverity::Note));
         notes.chain(self.warnings.iter().map(finding(FindingSeverity::Warning)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import csv
 import gzip
@@ -181,6 +182,24 @@ def test_a_log_is_no_reference_of_itself(rfl_mpc, drive, told, logs, reference):
     words = "--reference .*: the same drive as .*, which would hide every fault"
     with pytest.raises(rfl_mpc.RflError, match=words):
         rfl_mpc.diagnose(logs(frame, file), reference=reference(frame, file), pairs=False)
+
+
+@pytest.mark.filterwarnings("ignore:line")
+@pytest.mark.parametrize("share", [0.01, 0.02, 0.1, 0.3, 0.8])
+@pytest.mark.parametrize("command", ["diagnose", "identify", "train"])
+def test_a_packed_log_that_is_cut_off_is_said_with_what_it_lacks_by_that(rfl_mpc, drive, tmp_path, command, share):
+    """Of the rows that are there it may be too little; where they do, it is said as well."""
+    columns = ["time", "steer_cmd", "steer", "vx", "yaw_rate", "e1", "e1_rate", "e2", "e2_rate", "curvature"]
+    packed = gzip.compress(drive.log[columns].to_csv(index=False).encode())
+    file = tmp_path / "log.csv.gz"
+    file.write_bytes(packed[: int(share * len(packed))])
+    options = {"diagnose": {"pairs": False}, "identify": {"check": False}}
+    options["train"] = {"kind": "linear", "proof": False, "out": tmp_path / "model.rflm"}
+    with pytest.raises(rfl_mpc.RflError) if share < 0.5 else contextlib.nullcontext() as caught:
+        result = getattr(rfl_mpc, command)(file, **options[command])
+    words = str(caught.value) if caught else f"{result.report} {result}"
+    assert "the packed file is cut off here" in words
+    assert not caught or str(file) in words
 
 
 def test_another_drive_of_the_same_road_is_a_reference(rfl_mpc, drive):

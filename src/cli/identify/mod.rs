@@ -204,7 +204,7 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
         let steering = from_drives(&drives, through).ok().filter(|found| found.gain.excited);
         return Ok(IdentifiedLog {
             drives,
-            findings: Vec::new(),
+            findings: step.findings,
             models,
             steering,
             rows,

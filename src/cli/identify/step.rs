@@ -3,6 +3,7 @@
 use super::super::drive::Setup;
 use super::super::vehicle::Commanded;
 use super::IdentifyArgs;
+use crate::log::Finding;
 use crate::nominal::{
     ContinuousErrorModel, DelayModel, IdentifiedActuator, IdentifyError, LateralVehicle, SteeringRecord,
 };
@@ -35,6 +36,10 @@ pub(super) struct StepColumns {
     pub speed: Vec<f64>,
     /// Line of the file in which the first row stands.
     pub first_line: usize,
+    /// What was found when the file was read.
+    pub findings: Vec<Finding>,
+    /// What was lost then, to go on an error's words with.
+    pub losses: String,
 }
 
 /// True for a record of a step: of a few commands only, and short or steady from the beginning.
@@ -66,8 +71,8 @@ pub(super) fn models<V: LateralVehicle<S>, const S: usize>(
 ) -> Result<Vec<(DelayModel, IdentifiedActuator)>, Box<dyn Error>> {
     let wrong = |error: IdentifyError| -> Box<dyn Error> {
         match (file, row_of(&error)) {
-            (Some(_), Some(row)) => format!("{of}, line {}: {error}", step.first_line + row),
-            (Some(_), None) => format!("{of}: {error}"),
+            (Some(_), Some(row)) => format!("{of}, line {}: {error}{}", step.first_line + row, step.losses),
+            (Some(_), None) => format!("{of}: {error}{}", step.losses),
             (None, _) => format!("the step of {of}: {error}"),
         }
         .into()
@@ -141,7 +146,7 @@ pub(super) fn read(file: &Path, args: &IdentifyArgs) -> Result<StepColumns, Box<
     let end = time.iter().rposition(|time| args.until.is_none_or(|until| time.is_nan() || *time <= until));
     let end = end.map_or(begin, |last| (last + 1).max(begin));
     if time.is_empty() {
-        return Err(format!("{}: the log has no rows", file.display()).into());
+        return Err(format!("{}: the log has no rows{}", file.display(), log.losses()).into());
     }
     if begin == end {
         return Err(
@@ -156,6 +161,8 @@ pub(super) fn read(file: &Path, args: &IdentifyArgs) -> Result<StepColumns, Box<
         speed: part(speed),
         // After the header; a field with a line break in it, which no log has, would shift it.
         first_line: begin + 2,
+        findings: log.findings().collect(),
+        losses: log.losses(),
     })
 }
 
