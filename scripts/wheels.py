@@ -86,9 +86,10 @@ def stage(fmus: Path) -> None:
     if not (fmus / "RflMpc.fmu").is_file():
         raise WheelError(f"there are no FMUs in {fmus}: run scripts/build-fmus, or name their folder with --fmus")
     shutil.rmtree(DATA, ignore_errors=True)
-    (DATA / "fmu").mkdir(parents=True)
-    for file in sorted([*fmus.glob("*.fmu"), *fmus.glob("*.ssp")]):
-        shutil.copy(file, DATA / "fmu")
+    for folder in ("", "fmi3"):
+        (DATA / "fmu" / folder).mkdir(parents=True)
+        for file in sorted([*(fmus / folder).glob("*.fmu"), *(fmus / folder).glob("*.ssp")]):
+            shutil.copy(file, DATA / "fmu" / folder)
     for name in ("vehicles", "paths"):
         shutil.copytree(ROOT / name, DATA / name)
     run([str(programs.program("fmu-build")), "--licenses", "rfl-mpc-python", "--out", str(DATA / "licenses")])
@@ -148,7 +149,8 @@ def look_into(wheel: Path, platform: Platform) -> str:
     if "-cp310-abi3-" not in wheel.name or platform.tag not in wheel.name:
         raise WheelError(f"{wheel.name}: its tag is not that of {platform.tag}")
     wanted = {f"rfl_mpc/{name}" for name in ("__init__.py", "py.typed", "_native.pyi", "program.py", platform.library)}
-    wanted |= {f"rfl_mpc/data/fmu/{name}.fmu" for name in ("PassengerCar", "RflMpc", "SemiTrailerTruck", "TruckRflMpc")}
+    names = ("PassengerCar", "RflMpc", "SemiTrailerTruck", "TruckRflMpc")
+    wanted |= {f"rfl_mpc/data/fmu/{folder}{name}.fmu" for folder in ("", "fmi3/") for name in names}
     wanted |= {"rfl_mpc/data/vehicles/c_class.toml", "rfl_mpc/data/paths/sudoku_test.csv"}
     with zipfile.ZipFile(wheel) as archive:
         if missing := wanted - set(archive.namelist()):

@@ -7,7 +7,7 @@
 :func:`train`                what the controller's model misses, from logs
 :func:`tune`                 weights and horizon for a vehicle
 :class:`Controller`          the controller, one step at a time
-:func:`fmus`                 the FMI 2.0 FMUs; :func:`vehicles` and :func:`roads` are files to edit
+:func:`fmus`                 the FMUs, of FMI 2.0 and 3.0; :func:`vehicles` and :func:`roads` are files to edit
 ===========================  ==========================================================================
 
 SI units and radians, axes of ISO 8855: x forward, y to the left, yaw counter-clockwise. A road is a CSV file with the
@@ -477,13 +477,18 @@ def _carried(kind: str, suffix: str) -> dict[str, Path]:
     return {file.stem: file for file in files}
 
 
-def fmus() -> dict[str, Path]:
-    """FMI 2.0 co-simulation FMUs of the package, by name: plants and controllers of car and truck.
+def fmus(version: str = "2.0") -> dict[str, Path]:
+    """Co-simulation FMUs of the package, by name: plants and controllers of car and truck, of FMI 2.0 or 3.0.
 
     >>> sorted(fmus())
     ['PassengerCar', 'RflMpc', 'SemiTrailerTruck', 'TruckRflMpc']
+    >>> fmus("3.0")["RflMpc"].parent.name
+    'fmi3'
     """
-    return _carried("fmu", ".fmu")
+    folders = {"2.0": "fmu", "3.0": "fmu/fmi3"}
+    if version not in folders:
+        raise RflError(f"version: {version!r}; the FMUs are of FMI {' and '.join(folders)}")
+    return _carried(folders[version], ".fmu")
 
 
 def vehicles() -> dict[str, Path]:

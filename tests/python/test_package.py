@@ -475,7 +475,10 @@ def test_an_interrupt_stops_the_work(rfl_mpc, drive):
 
 
 def test_the_package_carries_fmus_vehicles_and_roads(rfl_mpc):
-    assert set(rfl_mpc.fmus()) == {"PassengerCar", "RflMpc", "SemiTrailerTruck", "TruckRflMpc"}
+    names = {"PassengerCar", "RflMpc", "SemiTrailerTruck", "TruckRflMpc"}
+    assert set(rfl_mpc.fmus()) == set(rfl_mpc.fmus("3.0")) == names
+    with pytest.raises(rfl_mpc.RflError, match=r"version: '3'; the FMUs are of FMI 2.0 and 3.0"):
+        rfl_mpc.fmus("3")
     assert all(file.is_file() for kind in (rfl_mpc.fmus, rfl_mpc.vehicles, rfl_mpc.roads) for file in kind().values())
     for name, file in rfl_mpc.roads().items():
         assert rfl_mpc.Controller(name, "truck_real" if "truck" in name else "c_class").length > 10, file

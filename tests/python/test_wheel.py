@@ -20,7 +20,7 @@ assert rfl_mpc.__file__.startswith(sys.prefix), rfl_mpc.__file__
 drive = rfl_mpc.drive("sudoku_turns", set={"effect.steer_lag": 0.08, "effect.steer_delay": 0.06}, duration=30)
 report = rfl_mpc.diagnose(drive.log, out="out")
 assert os.path.getsize("out/report.html") > 100_000
-print(json.dumps({"kind": report.verdict["kind"], "fmus": sorted(rfl_mpc.fmus()), "version": rfl_mpc.__version__}))
+print(json.dumps({"kind": report.verdict["kind"], "fmus": sorted(rfl_mpc.fmus("3.0")), "version": rfl_mpc.__version__}))
 """
 
 
