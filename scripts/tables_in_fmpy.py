@@ -3,7 +3,7 @@
 For each plant it collects and learns anew with the program, as a user would (the first seed's models), takes each
 row's own best weights from the raw results and drives the plant's test road in fmpy. Both loops are the same controller
 and vehicle: the largest error must be the same to the last bit, and the mean to 1e-12 of itself, for the two add up in
-another order. It needs the program in release and the FMUs (`cargo build --release`, `scripts/build-fmus`).
+another order. It needs the program in release and the FMUs (`cargo build --release --bins`, `scripts/build-fmus`).
 
     scripts/tables_in_fmpy.py --raw out/evaluate_truck --rows MPC,RFL+S+observer,pade_1_1,NMPC,GP-NMPC
 """
