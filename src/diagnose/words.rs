@@ -98,12 +98,13 @@ pub fn none(reduction: &GapReduction) -> String {
         "Nothing worth naming: the gap is within what ordinary tolerances of the simulator explain."
             .to_owned();
     if let Some(gap) = reduction.open_loop.get("yaw_rate") {
-        words += &format!(
-            " The yaw-rate gap is {} rad/s, {} rad/s after adjusting within tolerance; noise is {} rad/s.",
-            short(gap.before),
-            short(gap.recalibrated),
-            short(gap.noise)
-        );
+        let adjusted = if gap.recalibrated < gap.before {
+            format!("{} rad/s after adjusting within tolerance", short(gap.recalibrated))
+        } else {
+            "which no adjusting within tolerance makes smaller".to_owned()
+        };
+        let (before, noise) = (short(gap.before), short(gap.noise));
+        words += &format!(" The yaw-rate gap is {before} rad/s, {adjusted}; noise is {noise} rad/s.");
     }
     words
 }
