@@ -556,7 +556,7 @@ def said_by(done: subprocess.CompletedProcess) -> str:
 def without_advice(refused: str) -> str:
     """The reason alone: the advice that follows is for plants of ours."""
     reason = refused.removeprefix("no model is written, for it is not better than the default controller: ")
-    for advice in (". The default controller is the better choice", ". The steering is not excited"):
+    for advice in (". The default controller ", ". The steering is not excited"):
         reason = reason.partition(advice)[0]
     return reason
 

@@ -4,6 +4,7 @@
 use crate::command::{done, refused, rfl, road};
 use crate::drive_table::DriveTable;
 use serde_json::Value;
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Output;
 use std::sync::LazyLock;
@@ -36,6 +37,11 @@ fn model(folder: &Path) -> Vec<u8> {
     std::fs::read(folder.join("out/residual/rfl_s.rflm")).unwrap()
 }
 
+/// The road of a drive of a proof.
+fn road_of(drive: &Value) -> &str {
+    drive["name"].as_str().unwrap().rsplit(", ").next().unwrap()
+}
+
 fn json(file: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap()
 }
@@ -49,6 +55,12 @@ fn a_log_gives_a_model_that_fits_and_drives_better() {
     assert!(said.contains("out/residual/rfl_s.rflm") && !said.contains("note"), "{said}");
     let fit = json(&folder.path().join("fit.json"));
     assert_eq!(fit["models"][0]["proven"], Value::from(true), "{said}");
+    // Eight drives, each on a road of its own; the whole interval of the change is below zero.
+    let proof = &fit["models"][0]["proof"];
+    let roads: BTreeSet<_> = proof["drives"].as_array().unwrap().iter().map(road_of).collect();
+    let [low, high] = [0, 1].map(|end| proof["change"]["interval"][end].as_f64().unwrap());
+    let mean = proof["change"]["mean"].as_f64().unwrap();
+    assert!(roads.len() == 8 && low < mean && mean < high && high < 0.0, "{proof}");
     let (data, model) = (&fit["data"], &fit["models"][0]);
     assert_eq!((&data["gaps"], &data["not_finite"]), (&Value::from(0), &Value::from(0)));
     assert_eq!((model["kind"].as_str(), model["window"].as_u64()), (Some("rfl_s"), Some(35)));
@@ -247,7 +259,10 @@ fn a_log_of_poses_gives_with_the_road_the_model_of_the_whole_log() {
         "{error}"
     );
     let error = refused(&train(folder.path(), &poses.clone().without(&["vy"]), &["--path", &road()]));
-    assert!(error.contains("of these, column 'vy' is also missing"), "{error}");
+    assert!(error.contains("and column 'vy' is missing, too: record it"), "{error}");
+    assert!(!error.contains("give the road"), "{error}");
+    let error = refused(&train(folder.path(), &poses.clone().without(&["vy", "yaw"]), &[]));
+    assert!(error.contains("give the road") && error.contains("columns yaw, vy are also missing"), "{error}");
     let other = road().replace("sudoku_turns", "hairpin_circuit");
     let error = refused(&train(folder.path(), &poses, &["--path", &other]));
     assert!(error.contains("hairpin_circuit.csv the road that was driven"), "{error}");

@@ -3,6 +3,7 @@
 use crate::nominal::{Actuator, LateralVehicle, SteeringDrive, identify_from_drives};
 use crate::residual::{DataSet, ShownActuator, ShownBy};
 use crate::signal::{STEER, YAW_RATE};
+use crate::simulate::prove::NotBetter;
 use serde_json::{Value, json};
 
 /// The steering actuator as logs show it: by the measured angle where there is one, else by the yaw rate.
@@ -100,10 +101,14 @@ impl Coverage {
     }
 
     /// Advice for better logs.
-    pub fn advice(&self, car: &str) -> String {
+    pub fn advice(&self, car: &str, reason: &NotBetter) -> String {
         if self.shown.is_some_and(|shown| shown.is_shown()) {
+            let choice = match reason {
+                NotBetter::NotShown { .. } => "drives about as well, and needs no model",
+                _ => "is the better choice",
+            };
             format!(
-                "The default controller is the better choice (rfl drive{car}). Drives with dither at the speeds and bends to come say \
+                "The default controller {choice} (rfl drive{car}). Drives with dither at the speeds and bends to come say \
                  more: rfl collect{car}, then rfl train out/collect/*.csv{car}"
             )
         } else {

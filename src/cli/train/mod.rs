@@ -53,8 +53,8 @@ use std::sync::Arc;
 A log is a CSV file with the columns time, steer_cmd, vx, e1, e1_rate, e2, e2_rate, curvature, curvature_rate (a log of
 rfl or of the FMU in any host), or with x, y, yaw, vx, vy, yaw_rate beside time and steer_cmd, and --path. SI units.
 
-A model is written only if it drives better than the default controller, in simulation, on plants that explain the logs and on roads
-of their own.
+A model is written only if it is shown to drive better than the default controller, in simulation: on plants that explain the logs,
+each on a road of its own.
 
 Exit status: 0 done, 1 bad input or a failure, 2 wrong usage, 3 a model that is not better, and is not written.")]
 pub struct TrainArgs {
@@ -173,9 +173,9 @@ where
     read.extend(args.path.clone().map(|file| ("--path", file)));
     read.push(("--vehicle", PathBuf::from(&args.vehicle)));
     check_files(&written, &read)?;
-    let _held = args.all.as_deref().map(hold_folder).transpose()?;
     let parameters = controller::<P, S, C>(args)?;
     let logs = TrainLogs::<P, S, C>::read(args, &parameters)?;
+    let _held = args.all.as_deref().map(hold_folder).transpose()?;
     let (data, found) = (&logs.data, logs.data.report());
     say!("{} rows, {} samples", found.rows, found.labels);
     logs.notes.iter().for_each(|note| say!("note: {note}"));
@@ -198,7 +198,7 @@ where
         write_json(file, &report)?;
     }
     let refused = refused.map(|reason| {
-        let advice = covered.advice(&car);
+        let advice = covered.advice(&car, &reason);
         format!("no model is written, for it is not better than the default controller: {reason}. {advice}; or --force")
     });
     Ok(TrainingResult { report, refused })

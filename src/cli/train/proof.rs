@@ -66,9 +66,10 @@ where
         let proof = exam.prove(&PredictionModelFor::Residual(residual), &|| bar.step())?;
         bar.finish_and_clear();
         let [default, learned] = proof.figures();
+        let change = proof.change();
         say!(
             "proof: {} drives on roads and plants that explain the logs: mean {:.2} mm, max {:.1} mm, lost {}; default controller \
-             {:.2} mm, {:.1} mm, {}",
+             {:.2} mm, {:.1} mm, {}; change of the mean {change}",
             proof.drives.len(),
             1e3 * learned.mean,
             1e3 * learned.max,
@@ -78,7 +79,8 @@ where
             default.lost
         );
         let verdict = proof.check();
-        let value = json!({ "default": default, "learned": learned, "drives": proof.drives });
+        let value =
+            json!({ "default": default, "learned": learned, "change": change, "drives": proof.drives });
         Ok((value, verdict))
     }
 }

@@ -2,18 +2,24 @@
 //! logs.
 //!
 //! A log is explained by many plants. Candidates differ in stiffness, payload, dead time and lag; each has a one-step
-//! misfit on each block of the log. A bootstrap over the blocks chooses among them. The best on one of the resampled
-//! logs is a plant that the logs do not rule out. Each drives twice on roads unseen in training, with the model and
-//! without. The model is better if
+//! misfit on each block of the log. A bootstrap over the blocks draws among them: the best on a resampled log. Each
+//! drive has a plant and a road of its own draw, unseen in training, and is made with the model and without. The model
+//! is better if
 //!
 //! ```text
-//! none is lost,   mean_i mean|e1| < that of the default,   and in no drive i mean|e1| or max|e1| is worse by more than is allowed
+//! none is lost,   mean_i mean|e1| < that of the default,   and in no drive i mean|e1| or max|e1| is worse by more than is allowed,
+//! and ln(mean|e1| / that of the default) is below zero by more than the drives leave open (see `paired.rs`)
 //! ```
+//!
+//! A plant that explains most of the resampled logs is drawn several times. So drives are independent draws of what the
+//! logs leave open and of roads; were there two roads for each plant, drives of one plant would resemble each other.
 //!
 //! Source: block bootstrap, Kuensch 1989; Efron and Tibshirani, An Introduction to the Bootstrap, 1993, ch. 8.6.
 
+mod paired;
 mod plants;
 
+pub use paired::PairedChange;
 pub use plants::{ExplainedPlant, explaining_plants};
 
 use super::experiment::{Compared, NominalOf};
@@ -27,8 +33,8 @@ use std::sync::Arc;
 
 /// Roads of these drives: no search, tuning or examination of `tune/` uses such seeds.
 const FIRST_SEED: u64 = 77_000_000;
-/// Roads of each plant.
-const ROADS: usize = 2;
+/// Drives, each of a plant and a road of its own.
+const DRIVES: usize = 8;
 /// Mean lateral error by which a drive may be worse than the default's, m, and largest, as a share of the default's and m.
 const WORSE_MEAN: f64 = 0.002;
 const WORSE_MAX: (f64, f64) = (1.25, 0.01);
@@ -99,6 +105,22 @@ pub enum NotBetter {
         /// All.
         drives: usize,
     },
+    /// The mean is less, but so it may be by chance.
+    #[error(
+        "its mean lateral error over {drives} simulated drives is {:.2} mm, the default controller's {:.2} mm; drives differ by more than \
+         that ({change}): not shown to be better",
+        1e3 * learned, 1e3 * default
+    )]
+    NotShown {
+        /// m.
+        learned: f64,
+        /// m.
+        default: f64,
+        /// All.
+        drives: usize,
+        /// Change from the default's to the model's.
+        change: PairedChange,
+    },
     /// One drive is clearly worse.
     #[error("in one simulated drive ({name}) its lateral error is {:.2} mm mean, {:.1} mm max; the default controller's {:.2} and {:.1} mm", 1e3 * learned.0, 1e3 * learned.1, 1e3 * default.0, 1e3 * default.1)]
     Worse {
@@ -147,15 +169,25 @@ impl Proof {
                 default: (drive.default.mean, drive.default.max),
             });
         }
-        if default.lost == 0 && learned.mean >= default.mean {
-            let share =
-                self.drives.iter().map(|drive| drive.learned.faded).sum::<f64>() / drives.max(1) as f64;
-            if share > MOSTLY_FADED {
-                return Err(NotBetter::Faded { share, drives });
-            }
-            return Err(NotBetter::Mean { learned: learned.mean, default: default.mean, drives });
+        let change = self.change();
+        let less = learned.mean < default.mean;
+        if default.lost > 0 || less && change.is_decrease() {
+            return Ok(());
         }
-        Ok(())
+        let share = self.drives.iter().map(|drive| drive.learned.faded).sum::<f64>() / drives.max(1) as f64;
+        let (learned, default) = (learned.mean, default.mean);
+        Err(match less {
+            _ if share > MOSTLY_FADED => NotBetter::Faded { share, drives },
+            false => NotBetter::Mean { learned, default, drives },
+            true => NotBetter::NotShown { learned, default, drives, change },
+        })
+    }
+
+    /// Change of the mean lateral error from the default controller's to the model's, over the drives that neither loses.
+    #[must_use]
+    pub fn change(&self) -> PairedChange {
+        let driven = self.drives.iter().filter(|drive| !drive.default.lost && !drive.learned.lost);
+        PairedChange::of(driven.map(|drive| (drive.default.mean, drive.learned.mean)))
     }
 }
 
@@ -192,7 +224,7 @@ where
     P::Effects: Sync,
     P::Nominal: Sync,
 {
-    /// Drives the plants with the default controller. `said` is called after each drive.
+    /// Drives the plants with the default controller, each on a road of its own. `said` is called after each drive.
     ///
     /// # Errors
     /// Parameters out of range.
@@ -206,21 +238,18 @@ where
         let road = if P::SIGNALS.len() > super::CAR_COLUMNS { RandomRoad::TRUCK } else { RandomRoad::CAR };
         let mut scenarios = vec![];
         for (number, plant) in plants.iter().enumerate() {
-            for of_plant in 0..ROADS {
-                let place = number * ROADS + of_plant;
-                let seed = FIRST_SEED + 1000 * seed + place as u64;
-                let path = RandomRoad { closed: place % 3 == 2, ..road }.path(seed)?;
-                scenarios.push(Scenario {
-                    name: format!("{}, road {seed}", plant.name),
-                    vehicle: plant.vehicle.clone(),
-                    effects: plant.effects.clone(),
-                    actuator: plant.actuator,
-                    path: Arc::new(path),
-                    controller: contest.controller,
-                    model: contest.default.clone(),
-                    noise: None,
-                });
-            }
+            let seed = FIRST_SEED + 1000 * seed + number as u64;
+            let path = RandomRoad { closed: number % 3 == 2, ..road }.path(seed)?;
+            scenarios.push(Scenario {
+                name: format!("{}, road {seed}", plant.name),
+                vehicle: plant.vehicle.clone(),
+                effects: plant.effects.clone(),
+                actuator: plant.actuator,
+                path: Arc::new(path),
+                controller: contest.controller,
+                model: contest.default.clone(),
+                noise: None,
+            });
         }
         let mut exam = Self { scenarios, outcomes: vec![], threads: parallel::threads(threads) };
         exam.outcomes = exam.drive(said)?;
@@ -283,4 +312,74 @@ fn actuator_about(of: &Actuator, [spread, of_parts]: [f64; 2], [sum, parts]: [f6
     let dead_time = (of.dead_time + of_parts.max(ACTUATOR_SPREAD) * parts).max(0.0);
     let both = of.dead_time + of.time_constant + spread.max(ACTUATOR_SPREAD) * sum;
     Actuator { dead_time, time_constant: (both - dead_time).max(0.0), ..*of }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Drives with these mean errors, default and learned, in mm.
+    fn proof(means: &[(f64, f64)]) -> Proof {
+        let result = |mean: f64| ScenarioResult {
+            cost: 0.0,
+            max: 2e-3 * mean,
+            mean: 1e-3 * mean,
+            rms: 1e-3 * mean,
+            roughness: 0.0,
+            lost: false,
+            driven: 1.0,
+            given_up: false,
+            faded: 0.0,
+        };
+        let drive = |(place, &(default, learned)): (usize, &(f64, f64))| ProofDrive {
+            name: format!("road {place}"),
+            default: result(default),
+            learned: result(learned),
+        };
+        Proof { drives: means.iter().enumerate().map(drive).collect() }
+    }
+
+    const DEFAULT: [f64; DRIVES] = [2.0, 9.0, 3.0, 6.0, 2.5, 4.0, 5.0, 3.5];
+
+    fn learned(factors: [f64; DRIVES]) -> Proof {
+        let pairs: Vec<_> =
+            DEFAULT.iter().zip(factors).map(|(&mean, factor)| (mean, factor * mean)).collect();
+        proof(&pairs)
+    }
+
+    #[test]
+    fn a_mean_that_is_less_by_chance_is_not_better() {
+        // Less by 2 % in every drive, whatever its size.
+        assert_eq!(learned([0.98; DRIVES]).check(), Ok(()));
+        // Less by as much in the mean, of drives that differ by more.
+        let scattered = learned([1.08, 0.9, 1.06, 0.91, 1.05, 0.97, 1.01, 0.93]);
+        let [default, with] = scattered.figures();
+        assert!(with.mean < 0.98 * default.mean);
+        let reason = scattered.check().unwrap_err();
+        assert!(matches!(reason, NotBetter::NotShown { drives: DRIVES, .. }), "{reason}");
+        let words = reason.to_string();
+        for part in [
+            "8 simulated drives is 4.",
+            "the default controller's 4.38 mm",
+            "differ by more than that",
+            "interval -",
+        ] {
+            assert!(words.contains(part), "no `{part}`: {words}");
+        }
+        // Two drives never show it.
+        assert!(matches!(proof(&[(5.0, 3.0), (4.0, 2.0)]).check(), Err(NotBetter::NotShown { .. })));
+        assert!(matches!(learned([1.02; DRIVES]).check(), Err(NotBetter::Mean { .. })));
+    }
+
+    #[test]
+    fn lost_and_faded_drives_count_as_such() {
+        let mut lost = learned([1.01; DRIVES]);
+        lost.drives[3].default.lost = true;
+        assert_eq!(lost.check(), Ok(()));
+        lost.drives[5].learned.lost = true;
+        assert!(matches!(lost.check(), Err(NotBetter::Lost { lost: 1, default: 1, .. })));
+        let mut faded = learned([1.0, 0.99, 1.0, 1.01, 0.98, 1.0, 1.0, 1.0]);
+        faded.drives.iter_mut().for_each(|drive| drive.learned.faded = 0.9);
+        assert!(matches!(faded.check(), Err(NotBetter::Faded { .. })));
+    }
 }

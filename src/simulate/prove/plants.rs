@@ -1,7 +1,7 @@
-//! Plants that explain a log equally well: candidates about the vehicle's file, chosen by a bootstrap over the log's
+//! Plants that explain a log equally well: candidates about the vehicle's file, drawn by a bootstrap over the log's
 //! blocks.
 
-use super::actuator_about;
+use super::{DRIVES, actuator_about};
 use crate::nominal::{Actuator, SingleTrackError};
 use crate::numerics::{Random, parallel};
 use crate::residual::{BlockMisfit, DataConfig, DataSet, ShownActuator};
@@ -10,9 +10,6 @@ use crate::vehicle::VehicleParameters as _;
 
 /// Candidates.
 const CANDIDATES: usize = 96;
-/// Number of plants, and of resampled logs at most to find them.
-const PLANTS: usize = 4;
-const RESAMPLED: usize = 200;
 /// Range of the stiffness of an axle as a factor, and of a payload as a share of the mass.
 const STIFFNESS: (f64, f64) = (0.75, 1.2);
 const PAYLOAD: f64 = 0.25;
@@ -36,7 +33,8 @@ struct PlantCandidate {
     actuator: Actuator,
 }
 
-/// Plants about a vehicle that explain the samples. `loaded` gives the linear model of the vehicle with other stiffness and a
+/// Plants about a vehicle that explain the samples, one for each drive: the best on resampled logs, each as often as it is
+/// the best. `loaded` gives the linear model of the vehicle with other stiffness and a
 /// payload in kg.
 ///
 /// # Errors
@@ -71,11 +69,8 @@ pub fn explaining_plants<P: Compared<S, C>, const S: usize, const C: usize>(
     });
     let misfits: Vec<Vec<BlockMisfit>> = misfits.into_iter().collect::<Result<_, _>>()?;
     let blocks = misfits[0].len();
-    let mut chosen: Vec<usize> = vec![];
-    for _ in 0..RESAMPLED {
-        if chosen.len() == PLANTS || blocks == 0 {
-            break;
-        }
+    let mut best_of_resampled = || {
+        // A log with nothing to compare has the file's vehicle.
         let sample: Vec<usize> =
             (0..blocks).map(|_| ((random.uniform() * blocks as f64) as usize).min(blocks - 1)).collect();
         let score = |of: &[BlockMisfit]| {
@@ -83,15 +78,9 @@ pub fn explaining_plants<P: Compared<S, C>, const S: usize, const C: usize>(
             sum(0).max(f64::MIN_POSITIVE).ln() + sum(1).max(f64::MIN_POSITIVE).ln()
         };
         let scores: Vec<f64> = misfits.iter().map(|misfit| score(misfit)).collect();
-        let best = (0..CANDIDATES).min_by(|&a, &b| scores[a].total_cmp(&scores[b])).unwrap_or(0);
-        if !chosen.contains(&best) {
-            chosen.push(best);
-        }
-    }
-    // A log that leaves no doubt, or nothing to compare, has one plant.
-    if chosen.is_empty() {
-        chosen.push(0);
-    }
+        (0..CANDIDATES).min_by(|&a, &b| scores[a].total_cmp(&scores[b])).unwrap_or(0)
+    };
+    let chosen: Vec<usize> = (0..DRIVES).map(|_| best_of_resampled()).collect();
     Ok(chosen.into_iter().map(|place| plant(vehicle, data.config(), &candidates[place])).collect())
 }
 
