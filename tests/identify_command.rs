@@ -352,3 +352,18 @@ fn a_new_vehicle_file_elsewhere_has_its_tyres_beside_it() {
         &["drive", "--quiet", "--vehicle", "b/car.toml", "--duration", "2", "--path", &path],
     ));
 }
+
+#[test]
+fn a_header_without_rows_is_said_and_a_missing_folder_before_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("head.csv"), "time,steer_cmd,steer,vx,yaw_rate\n").unwrap();
+    for more in [&[][..], &["--by-yaw-rate"], &["--from", "1"]] {
+        let error = refused(&rfl(folder.path(), &[&["identify", "head.csv"], more].concat()));
+        assert!(error.contains("head.csv: no row follows the header"), "{error}");
+    }
+    drive(folder.path(), "drive.csv", &[]);
+    for (place, words) in [("none/car.toml", "its folder is missing"), (".", "is a folder")] {
+        let output = rfl(folder.path(), &["identify", "drive.csv", "--into", place]);
+        assert!(refused(&output).contains(words) && output.stdout.is_empty(), "{output:?}");
+    }
+}

@@ -1,6 +1,6 @@
 //! `rfl learn`: the whole ladder in one command, and what it leaves behind.
 
-use crate::command::{rfl, road};
+use crate::command::{refused, rfl, road, text};
 use serde_json::Value;
 
 #[test]
@@ -21,4 +21,33 @@ fn one_command_leaves_logs_controller_file_and_report() {
     let both = ["dead_time", "lag"].map(|name| report["steering"][name].as_f64().unwrap());
     // 0.06 s of dead time, 0.1 s of lag and the file's own 0.05 s.
     assert!((both[0] + both[1] - 0.21).abs() < 0.03, "{both:?}");
+}
+
+#[test]
+fn a_straight_road_alone_is_refused_and_beside_others_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    // Along the x axis, and at an angle with rounded points.
+    for (name, [dx, dy]) in [("east.csv", [1.0, 0.0]), ("north_east.csv", [0.6, 0.8])] {
+        let points: String =
+            (0..200).map(|i| f64::from(i)).map(|s| format!("{:.3},{:.3}\n", s * dx, s * dy)).collect();
+        std::fs::write(folder.path().join(name), format!("x,y\n{points}")).unwrap();
+        let error = refused(&rfl(folder.path(), &["learn", "--quiet", "--roads", "0", "--path", name]));
+        assert!(
+            error.contains(name) && error.contains("the road is straight") && error.contains("--roads"),
+            "{error}"
+        );
+        assert!(!folder.path().join("out").exists());
+    }
+    let road = road();
+    let slow = ["--set", "effect.steer_lag=0.1", "--set", "effect.steer_delay=0.06"];
+    let known = ["learn", "--quiet", "--roads", "1", "--path", "east.csv", "--test", &road];
+    let output = rfl(folder.path(), &[&known[..], &slow].concat());
+    let said = text(&output.stdout);
+    assert!(
+        said.contains("the first drive is left out: out/learn/drive.csv: yaw_rate never changes"),
+        "{said}"
+    );
+    let report: Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("out/learn/learn.json")).unwrap()).unwrap();
+    assert!(!report["refused"].to_string().contains("yaw_rate"), "{report}");
 }

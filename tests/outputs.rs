@@ -250,3 +250,39 @@ fn check_whole(file: &Path) {
         toml::from_str::<toml::Table>(std::str::from_utf8(&bytes).unwrap()).unwrap();
     }
 }
+
+#[test]
+fn a_folder_s_files_are_none_of_those_that_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::create_dir(at("out")).unwrap();
+    fs::copy(road(), at("out/drive_2.csv")).unwrap();
+    fs::copy(road(), at("out/drive.csv")).unwrap();
+    let car = Path::new(env!("CARGO_MANIFEST_DIR")).join("vehicles/c_class.toml");
+    let car = fs::read_to_string(car)
+        .unwrap()
+        .replace("tyres/", &format!("{}/vehicles/tyres/", env!("CARGO_MANIFEST_DIR")));
+    for name in ["controller.toml", "calibrated.toml"] {
+        fs::write(at("out").join(name), &car).unwrap();
+    }
+    done(&rfl(folder.path(), &["drive", "--quiet", "--path", &road(), "--log", "log.csv"]));
+    let content = || {
+        files(folder.path())
+            .into_iter()
+            .map(|file| fs::read(at(file.to_str().unwrap())).unwrap())
+            .collect::<Vec<_>>()
+    };
+    let before = content();
+    for (arguments, option) in [
+        (&["collect", "--path", "out/drive_2.csv"][..], "--path"),
+        (&["learn", "--path", "out/drive.csv"], "--path"),
+        (&["learn", "--test", "out/drive.csv"], "--test"),
+        (&["learn", "--vehicle", "out/controller.toml"], "--vehicle"),
+        (&["tune", "--vehicle", "out/controller.toml"], "--vehicle"),
+        (&["diagnose", "log.csv", "--vehicle", "out/calibrated.toml"], "--vehicle"),
+    ] {
+        let error = refused(&rfl(folder.path(), &[arguments, &["--quiet", "--out", "out"]].concat()));
+        assert!(error.contains(&format!("is the file of {option}, and would be written over")), "{error}");
+        assert!(content() == before, "{arguments:?}");
+    }
+}

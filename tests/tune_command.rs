@@ -95,6 +95,7 @@ fn a_road_of_one_s_own_and_bad_input() {
     );
     for (arguments, word) in [
         (&["tune", "--vehicle", "none.toml"][..], "none.toml"),
+        (&["tune", "--vehicle", "."], "it is a folder"),
         (&["tune", "--budget", "0"], "--budget"),
         (&["tune", "--delay-margin", "-0.1"], "a time in s that is not below 0"),
         (&["tune", "--delay-margin", "NaN"], "a time in s that is not below 0"),
@@ -102,7 +103,9 @@ fn a_road_of_one_s_own_and_bad_input() {
         (&["tune", "--set", "mpc.q_e9=1"], "mpc.q_e9"),
         (&["tune", "--path", "none.csv"], "none.csv"),
     ] {
-        assert!(refused(&rfl(folder.path(), arguments)).contains(word));
+        assert!(refused(&rfl(folder.path(), &[arguments, &["--out", "new"]].concat())).contains(word));
+        // What is refused leaves nothing.
+        assert!(!folder.path().join("new").exists(), "{arguments:?}");
     }
     let help = text(&rfl(folder.path(), &["tune", "--help"]).stdout);
     assert!(help.contains("rfl drive --vehicle my_car.toml --controller"), "{help}");

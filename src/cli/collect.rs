@@ -2,10 +2,11 @@
 //! such drives.
 
 use super::drive::{MODELS, Setup};
+use super::files::{check_folder, given};
 use super::logs::LimitArgs;
 use super::output::{hold_folder, write_file};
 use super::progress_bar;
-use super::vehicle::{Commanded, by_kind};
+use super::vehicle::{Commanded, VehicleLinearModel, by_kind};
 use crate::control::{Choice, ControlVariant, PredictionModelFor, Propagation, RollOut};
 use crate::simulate::{End, STATION};
 use clap::Args;
@@ -71,7 +72,6 @@ pub fn run(args: &CollectArgs) -> Result<(), Box<dyn Error>> {
 fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &CollectArgs,
 ) -> Result<(), Box<dyn Error>> {
-    let _held = hold_folder(&args.out)?;
     let file_of = |run: u32| args.out.join(format!("drive_{run}.csv"));
     // `rfl train` takes all of them: drives of an earlier run may be another vehicle's.
     if file_of(args.runs + 1).exists() {
@@ -83,40 +83,22 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
         )
         .into());
     }
+    let (setup, model) = prepared::<P, S, C>(args)?;
+    let vehicle = Some(PathBuf::from(&args.vehicle));
+    check_folder(
+        &args.out,
+        &(1..=args.runs).map(|run| format!("drive_{run}.csv")).collect::<Vec<_>>(),
+        &given([("--path", &args.path), ("--vehicle", &vehicle), ("--residual", &args.residual)]),
+    )?;
+    let _held = hold_folder(&args.out)?;
     for run in 0..args.runs {
-        let mut settings: Vec<String> = match args.residual {
-            Some(_) => vec![],
-            // Calm throughout: dither is to be answered by the vehicle, not by the controller.
-            None => vec!["mpc.tightening=1".to_owned()],
-        };
-        settings.extend_from_slice(&args.settings);
-        let mut setup = Setup::<P, S, C>::new(
-            args.path.as_deref(),
-            &args.limit.road(),
-            P::SETTING.training,
-            &args.vehicle,
-            &settings,
-        )?;
-        let again = P::SETTING.again.filter(|_| args.residual.is_some());
-        setup.controller.mpc.dither =
-            args.dither.unwrap_or_else(|| again.map_or(P::SETTING.dither, |again| again.dither));
+        let Setup { path, controller, vehicle, effects } = &setup;
+        let (vehicle, effects) = (vehicle.clone(), effects.clone());
+        let mut setup = Setup::<P, S, C> { path: path.clone(), controller: *controller, vehicle, effects };
         setup.controller.mpc.dither_seed = args.seed + run as usize;
         let sample_time = setup.controller.mpc.sample_time;
         let bar = progress_bar("collecting", setup.path.length(), args.quiet);
-        let model = match &args.residual {
-            None => PredictionModelFor::Adaptive(setup.controller.actuator.actuator()),
-            Some(file) => {
-                let choice = Choice {
-                    variant: ControlVariant::None,
-                    file: Some(file.clone()),
-                    folder: MODELS.into(),
-                    propagation: Propagation::Propagated,
-                    roll_out: RollOut::Corrected,
-                };
-                choice.prediction_model(&setup.controller)?.1
-            }
-        };
-        let mut closed = setup.connect(model, sample_time)?;
+        let mut closed = setup.connect(model.clone(), sample_time)?;
         let drive = closed.record(1800.0, |row, _| {
             bar.set_position(row[STATION].max(0.0) as u64);
             true
@@ -140,4 +122,40 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
     }
     say!("next: rfl train {}/*.csv --vehicle {}", args.out.display(), args.vehicle);
     Ok(())
+}
+
+/// Road, vehicle and controller of all drives, and the model that the controller predicts with.
+fn prepared<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &CollectArgs,
+) -> Result<(Setup<P, S, C>, PredictionModelFor<VehicleLinearModel<P, S, C>, S>), Box<dyn Error>> {
+    let mut settings: Vec<String> = match args.residual {
+        Some(_) => vec![],
+        // Calm throughout: dither is to be answered by the vehicle, not by the controller.
+        None => vec!["mpc.tightening=1".to_owned()],
+    };
+    settings.extend_from_slice(&args.settings);
+    let mut setup = Setup::<P, S, C>::new(
+        args.path.as_deref(),
+        &args.limit.road(),
+        P::SETTING.training,
+        &args.vehicle,
+        &settings,
+    )?;
+    let again = P::SETTING.again.filter(|_| args.residual.is_some());
+    setup.controller.mpc.dither =
+        args.dither.unwrap_or_else(|| again.map_or(P::SETTING.dither, |again| again.dither));
+    let model = match &args.residual {
+        None => PredictionModelFor::Adaptive(setup.controller.actuator.actuator()),
+        Some(file) => {
+            let choice = Choice {
+                variant: ControlVariant::None,
+                file: Some(file.clone()),
+                folder: MODELS.into(),
+                propagation: Propagation::Propagated,
+                roll_out: RollOut::Corrected,
+            };
+            choice.prediction_model(&setup.controller)?.1
+        }
+    };
+    Ok((setup, model))
 }

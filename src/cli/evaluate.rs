@@ -175,8 +175,8 @@ fn evaluate<P: Compared<S, C>, const S: usize, const C: usize>(
         return Err(super::fleet::elsewhere("rfl evaluate --dask").into());
     }
     let out = folder(args);
-    let _held = hold_folder(&out)?;
     let vehicle: P::Parameters = vehicle_named(&args.vehicle)?;
+    let _held = hold_folder(&out)?;
     let evaluator = Evaluator::<P, S, C> { args, rows, effort, out, vehicle };
     for (plant, noise) in conditions {
         evaluator.condition(plant, noise)?;

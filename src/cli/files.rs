@@ -25,14 +25,40 @@ pub(super) fn check_files<W: AsRef<Path>, R: AsRef<Path>>(
         if let Some((other, _)) = written[..index].iter().find(|(_, other)| same(other.as_ref())) {
             return Err(format!("{other} and {option} are one file, {file}: name two").into());
         }
-        if let Some((other, _)) =
-            read.iter().find(|(_, other)| other.as_ref().is_file() && same(other.as_ref()))
-        {
-            return Err(format!(
-                "{option} {file} is the file of {other}, and would be written over: name another"
-            )
-            .into());
+        check_not_read(option, &place, file, read)?;
+    }
+    Ok(())
+}
+
+/// Checks that a place is none of the files that are read.
+fn check_not_read<R: AsRef<Path>>(
+    option: &str,
+    place: &Path,
+    name: std::path::Display<'_>,
+    read: &[Named<R>],
+) -> Result<(), Box<dyn Error>> {
+    let same = |other: &Path| other.is_file() && place_of(other).is_some_and(|other| is_same(place, &other));
+    match read.iter().find(|(_, other)| same(other.as_ref())) {
+        Some((other, _)) => {
+            Err(format!("{option} {name} is the file of {other}, and would be written over: name another")
+                .into())
         }
+        None => Ok(()),
+    }
+}
+
+/// Checks that none of the files that a command writes to the folder of `--out` is one that it reads.
+///
+/// # Errors
+/// The file with its fault.
+pub(super) fn check_folder<N: AsRef<Path>, R: AsRef<Path>>(
+    folder: &Path,
+    names: &[N],
+    read: &[Named<R>],
+) -> Result<(), Box<dyn Error>> {
+    for file in names.iter().map(|name| folder.join(name)).filter(|file| file.is_file()) {
+        let Some(place) = place_of(&file) else { continue };
+        check_not_read("--out", &place, file.display(), read)?;
     }
     Ok(())
 }
@@ -91,6 +117,12 @@ mod tests {
             let said = refused(&[("--log", file), ("--json", file)]);
             assert!(said.starts_with("--log and --json are one file"), "{said}");
         }
+        let of_folder = |name: &str| check_folder(folder.path(), &[name], &[("--vehicle", &*road)]);
+        assert!(
+            of_folder("other.csv").is_ok()
+                && check_folder(&at("new"), &["road.csv"], &[("LOG", &*road)]).is_ok()
+        );
+        assert!(of_folder("road.csv").unwrap_err().to_string().contains("road.csv is the file of --vehicle"));
         let null = Path::new("/dev/null");
         if null.exists() {
             assert_eq!(refused(&[("--log", null), ("--json", null)]), "");

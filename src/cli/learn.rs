@@ -8,7 +8,9 @@
 //! prove       default, identified, learned on roads that none was learned on, at full speed
 //! ```
 
+use super::diagnose::steady_steering;
 use super::drive::{MODELS, Setup, setting};
+use super::files::{check_folder, given};
 use super::logs::LimitArgs;
 use super::output::{hold_folder, write_file, write_json};
 use super::progress_bar;
@@ -18,6 +20,7 @@ use crate::control::{
     Choice, ControlVariant, ControlledParameters, ControllerFile, ControllerParametersFor,
     PredictionModelFor, Propagation, RollOut,
 };
+use crate::log::{DriveLog, drives_of};
 use crate::nominal::Actuator;
 use crate::path::{Path, RandomRoad};
 use crate::residual::{DataSet, ShownActuator};
@@ -85,6 +88,8 @@ const PROVE_ROADS: usize = 2;
 /// Speed and lateral acceleration of the next try, as shares, after a vehicle was lost; and such tries.
 const SLOWER: (f64, f64) = (0.7, 0.5);
 const TRIES: usize = 4;
+/// Range of headings within which a road is straight, rad.
+const STRAIGHT: f64 = 0.02;
 /// Time after which a drive is given up, s.
 const LONGEST: f64 = 1800.0;
 
@@ -110,7 +115,6 @@ struct Ladder<'a, P: Commanded<S, C>, const S: usize, const C: usize> {
 }
 
 fn learn<P: Commanded<S, C>, const S: usize, const C: usize>(args: &LearnArgs) -> Result<u8, Box<dyn Error>> {
-    let _held = hold_folder(&args.out)?;
     let reading = args.limit.road();
     let setup = Setup::<P, S, C>::new(
         args.path.as_deref(),
@@ -119,6 +123,14 @@ fn learn<P: Commanded<S, C>, const S: usize, const C: usize>(args: &LearnArgs) -
         &args.vehicle,
         &args.settings,
     )?;
+    if let (true, 0, Some(road)) = (is_straight(&setup.path), args.roads, &args.path) {
+        return Err(format!(
+            "{}: the road is straight: a drive on it shows no bend to learn from; give another (--path), or random roads beside it \
+             (--roads)",
+            road.display()
+        )
+        .into());
+    }
     let mut training: NamedRoads = vec![("training road".to_owned(), setup.path.clone())];
     let test = Setup::<P, S, C>::new(args.test.as_deref(), &reading, P::TEST, &args.vehicle, &args.settings)?;
     let mut proving: NamedRoads = vec![("test road".to_owned(), test.path)];
@@ -134,8 +146,32 @@ fn learn<P: Commanded<S, C>, const S: usize, const C: usize>(args: &LearnArgs) -
     for number in 0..PROVE_ROADS {
         proving.push(random(PROVE_SEED, number)?);
     }
+    check_outputs(args)?;
+    let _held = hold_folder(&args.out)?;
     let Setup { controller, vehicle, effects, .. } = setup;
     Ladder::<P, S, C> { args, vehicle, effects, controller }.climb(&training, &proving)
+}
+
+/// Checks that no file of the folder for results is one of those that are read.
+fn check_outputs(args: &LearnArgs) -> Result<(), Box<dyn Error>> {
+    let mut names = ["drive.csv", "controller.toml", "model.rflm", "train.json", "learn.json"]
+        .map(str::to_owned)
+        .to_vec();
+    names.extend((1..=args.roads + 1).map(|number| format!("collect_{number}.csv")));
+    let vehicle = Some(PathBuf::from(&args.vehicle));
+    check_folder(
+        &args.out,
+        &names,
+        &given([("--path", &args.path), ("--test", &args.test), ("--vehicle", &vehicle)]),
+    )
+}
+
+/// True if a road has one heading from its beginning to its end.
+fn is_straight(road: &Path) -> bool {
+    let stations = (0..=road.length() as usize).map(|station| road.at(station as f64).yaw);
+    let [least, most] = stations
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], yaw| [least.min(yaw), most.max(yaw)]);
+    most - least < STRAIGHT
 }
 
 impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
@@ -250,13 +286,19 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
         Ok(identified)
     }
 
-    /// The logs to learn from: the first drive, and one of each road that is not lost.
+    /// The logs to learn from: the first drive, if it steers, and one of each road that is not lost.
     fn collect(
         &self,
         roads: &NamedRoads,
         mut controller: ControllerParametersFor<P::Nominal>,
     ) -> Result<Vec<PathBuf>, Box<dyn Error>> {
-        let mut logs = vec![self.file("drive.csv")];
+        let mut logs = vec![];
+        let first = self.file("drive.csv");
+        match self.check_log(&first) {
+            Ok(()) => logs.push(first),
+            // On a straight road nobody steers without dither.
+            Err(reason) => say!("3 collect: the first drive is left out: {reason}"),
+        }
         for (number, road) in roads.iter().enumerate() {
             // Calm throughout, as rfl collect.
             controller.mpc.tightening = 1.0;
@@ -272,6 +314,14 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
             }
         }
         Ok(logs)
+    }
+
+    /// Checks that a log can be learned from.
+    fn check_log(&self, file: &std::path::Path) -> Result<(), Box<dyn Error>> {
+        let vehicle = self.controller.vehicle.nominal();
+        let steering = |speed: f64| steady_steering(&vehicle, speed);
+        drives_of(&DriveLog::read(file)?, None, &steering, &mut |_| {})?;
+        Ok(())
     }
 
     /// The best controller on roads not learned on, at full speed, and a row of the report for each drive.
@@ -403,6 +453,9 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
         model: &std::path::Path,
         report: &std::path::Path,
     ) -> Result<Option<String>, Box<dyn Error>> {
+        if logs.is_empty() {
+            return Ok(Some("no drive is left to learn from".to_owned()));
+        }
         let args = self.args;
         let text = |path: &std::path::Path| path.to_string_lossy().into_owned();
         let mut words = vec!["rfl".to_owned(), "train".to_owned()];

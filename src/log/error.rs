@@ -48,6 +48,11 @@ pub enum LogError {
     )]
     NoErrors { file: PathBuf, columns: Vec<&'static str>, pose: Vec<&'static str> },
     #[error(
+        "{}: {} missing; to compute them from the road (--path) takes x, y, yaw, vx, vy and yaw_rate, and {} missing, too: record {}",
+        file.display(), listed(columns), listed(pose), if pose.len() > 1 { "them" } else { "it" }
+    )]
+    NoPose { file: PathBuf, columns: Vec<&'static str>, pose: Vec<&'static str> },
+    #[error(
         "{}: the vehicle is more than {limit} m from the road in {share:.0} % of the rows: is {} the road that was \
          driven, and are x and y in metres?",
         file.display(), road.display()

@@ -159,7 +159,10 @@ fn drive_of(
             project(log, road, file, &mut drive)?;
             note(format!("{}: {} made by projection onto {}", drive.name, all.join(", "), file.display()));
         }
-        _ if !absent.is_empty() => {
+        Some(_) if !absent.is_empty() => {
+            return Err(LogError::NoPose { file: log.file.clone(), columns: absent, pose });
+        }
+        None if !absent.is_empty() => {
             return Err(LogError::NoErrors { file: log.file.clone(), columns: absent, pose });
         }
         _ => {

@@ -8,6 +8,7 @@
 mod explain;
 mod terminal;
 
+use super::files::{check_folder, given};
 use super::logs::{LogArgs, ReadsLogs};
 use super::output::{hold_folder, write_text};
 use super::progress_bar;
@@ -254,6 +255,9 @@ where
         own: Vec::new(),
         beliefs: Beliefs { trust: args.trust, probabilities: priors(&args.priors)? },
     };
+    if let Some(out) = out {
+        check_outputs(args, name, out)?;
+    }
     let _held = out.map(hold_folder).transpose()?;
     let bar = progress_bar("diagnosing", 1000.0, args.quiet || args.json);
     let follow = |what: &str, share: f64| {
@@ -302,11 +306,19 @@ where
             say!("look at: {}", out.join("report.html").display());
         }
         if let Some(out) = out.filter(|_| !files.is_empty()) {
-            let file = out.join(CALIBRATED).with_extension("toml");
+            let file = out.join(CALIBRATED_FILES[0]);
             say!("next: rfl drive --vehicle {0}, rfl learn --vehicle {0}", file.display());
         }
     }
     Ok(Diagnosed { report: diagnosis.report, page })
+}
+
+/// Checks that no file of the folder for results is one of those that are read.
+fn check_outputs(args: &DiagnoseArgs, vehicle: &str, out: &Path) -> Result<(), Box<dyn Error>> {
+    let mut read: Vec<_> = args.logs.iter().map(|log| ("LOG", log.as_path())).collect();
+    read.extend(given([("--path", &args.path), ("--reference", &args.reference)]));
+    read.push(("--vehicle", Path::new(vehicle)));
+    check_folder(out, &[&CALIBRATED_FILES[..], &["report.json", "report.html"]].concat(), &read)
 }
 
 /// Probabilities of effects as a user writes them.
@@ -407,8 +419,8 @@ fn closed_loop<P: Commanded<S, C>, const S: usize, const C: usize>(
     Ok(closed_loop::gap(&logged, noise, [&as_given, &effect, &whole])?)
 }
 
-/// Name of the calibrated simulator's files.
-const CALIBRATED: &str = "calibrated";
+/// Files of the calibrated simulator.
+const CALIBRATED_FILES: [&str; 3] = ["calibrated.toml", "calibrated.ssv", "system.ssv"];
 
 /// Writes the calibrated simulator; gives its files with their descriptions. None if there is nothing to calibrate.
 fn simulator<P: Commanded<S, C>, const S: usize, const C: usize>(
@@ -419,7 +431,7 @@ fn simulator<P: Commanded<S, C>, const S: usize, const C: usize>(
     out: &Path,
 ) -> Result<Vec<(String, String)>, Box<dyn Error>> {
     let at = |file: &str| out.join(file);
-    let names = ["calibrated.toml", "calibrated.ssv", "system.ssv"];
+    let names = CALIBRATED_FILES;
     if !matches!(report.verdict.kind, VerdictKind::Effect | VerdictKind::None) {
         // Those of an earlier log would be taken for this one's.
         names.iter().for_each(|file| drop(std::fs::remove_file(at(file))));

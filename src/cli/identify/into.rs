@@ -24,6 +24,27 @@ const OFFSET_NONE: f64 = 5e-4;
 /// Range of plausible gains: beyond, it is a unit or a steering wheel's.
 const PLAUSIBLE: std::ops::Range<f64> = 0.5..2.0;
 
+/// The file that is written: where a link leads to.
+///
+/// # Errors
+/// No ordinary file, a folder that is missing.
+pub(super) fn target_of(file: &Path) -> Result<PathBuf, String> {
+    let place = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
+    let exists = file.exists();
+    let target = if exists { file.canonicalize().map_err(|error| place(&error))? } else { file.to_owned() };
+    if exists && !target.is_file() {
+        return Err(place(&"is no ordinary file; give the name of a vehicle file (TOML)"));
+    }
+    if folder_of(&target).is_some_and(|folder| !folder.is_dir()) {
+        return Err(place(&"its folder is missing; make it first"));
+    }
+    Ok(target)
+}
+
+fn folder_of(file: &Path) -> Option<&Path> {
+    file.parent().filter(|folder| !folder.as_os_str().is_empty())
+}
+
 /// Writes the result into a file; gives the changed numbers. `harmful`: the closed loop is lost with it.
 ///
 /// # Errors
@@ -36,16 +57,8 @@ pub(super) fn write<P: Commanded<S, C>, const S: usize, const C: usize>(
     harmful: bool,
 ) -> Result<BTreeMap<&'static str, f64>, Box<dyn Error>> {
     let place = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
-    let exists = file.exists();
-    // A link is written through.
-    let target = if exists { file.canonicalize().map_err(|error| place(&error))? } else { file.to_owned() };
-    if exists && !target.is_file() {
-        return Err(place(&"is no ordinary file; give the name of a vehicle file (TOML)").into());
-    }
-    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty());
-    if folder.is_some_and(|folder| !folder.is_dir()) {
-        return Err(place(&"its folder is missing; make it first").into());
-    }
+    let (exists, target) = (file.exists(), target_of(file)?);
+    let folder = folder_of(&target);
     let text = match builtin_text(vehicle).filter(|_| !exists) {
         Some(text) => text.to_owned(),
         None => {

@@ -128,6 +128,7 @@ pub fn identified(args: &IdentifyArgs) -> Result<Value, Box<dyn Error>> {
     let written = given([("--into", &args.into), ("--record", &args.record), ("--json", &args.json)]);
     let logs: Vec<_> = args.logs.iter().map(|log| ("LOG", log)).collect();
     check_files(&written, &logs)?;
+    args.into.as_deref().map(into::target_of).transpose()?;
     let vehicle = args.vehicle.as_ref().map(PathBuf::from);
     // A vehicle's file may be completed in its place.
     let results = given([("--record", &args.record), ("--json", &args.json)]);

@@ -138,6 +138,9 @@ pub(super) fn read(file: &Path, args: &IdentifyArgs) -> Result<StepColumns, Box<
     };
     let (time, command, response) = (column(TIME.name)?, column(STEER_CMD.name)?, column(response)?);
     let speed = if args.by_yaw_rate { column(VX.name)? } else { &[] };
+    if time.is_empty() {
+        return Err(format!("{}: no row follows the header; record the drive again", file.display()).into());
+    }
     // A time that is no number stays in, to be refused with its line.
     let begin = time
         .iter()

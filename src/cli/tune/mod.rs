@@ -9,6 +9,7 @@ mod family;
 mod result;
 
 use super::drive::ModelArgs;
+use super::files::{check_folder, given};
 use super::logs::LimitArgs;
 use super::output::{hold_folder, write_json, write_text};
 use super::progress_bar;
@@ -144,9 +145,15 @@ fn tune<P, const S: usize, const C: usize>(args: &TuneArgs) -> Result<Value, Box
 where
     P: Commanded<S, C, Effects: Sync, Nominal: Sync>,
 {
-    let _held = hold_folder(&args.out)?;
     let tuning = TuneData::<P, S, C>::new(args)?;
     let training = tuning.ensemble(args.scenarios, Purpose::Training, args.seed)?;
+    let vehicle = Some(PathBuf::from(&args.vehicle));
+    check_folder(
+        &args.out,
+        &["controller.toml", "tune.json", "tune.html"],
+        &given([("--path", &args.path), ("--vehicle", &vehicle), ("--residual", args.model.file())]),
+    )?;
+    let _held = hold_folder(&args.out)?;
     let default = ControllerNumbers::of(&tuning.controlled.0, &standard_axes());
     let (found, trace) = tuning.search(&training, &default)?;
     // The default is the first start, so that it was driven to its end.
