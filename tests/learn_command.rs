@@ -1,6 +1,6 @@
 //! `rfl learn`: the whole ladder in one command, and what it leaves behind.
 
-use crate::command::{refused, rfl, road, text};
+use crate::command::{rfl, road, text};
 use serde_json::Value;
 
 #[test]
@@ -29,11 +29,13 @@ fn a_straight_road_alone_is_refused_and_beside_others_left_out() {
     // Along the x axis, and at an angle with rounded points.
     for (name, [dx, dy]) in [("east.csv", [1.0, 0.0]), ("north_east.csv", [0.6, 0.8])] {
         let points: String =
-            (0..200).map(|i| f64::from(i)).map(|s| format!("{:.3},{:.3}\n", s * dx, s * dy)).collect();
+            (0..200).map(f64::from).map(|s| format!("{:.3},{:.3}\n", s * dx, s * dy)).collect();
         std::fs::write(folder.path().join(name), format!("x,y\n{points}")).unwrap();
-        let error = refused(&rfl(folder.path(), &["learn", "--quiet", "--roads", "0", "--path", name]));
+        let output = rfl(folder.path(), &["learn", "--quiet", "--roads", "0", "--path", name]);
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{error}");
         assert!(
-            error.contains(name) && error.contains("the road is straight") && error.contains("--roads"),
+            error.contains(&format!("{name}: the road is straight")) && error.contains("--roads"),
             "{error}"
         );
         assert!(!folder.path().join("out").exists());

@@ -7,7 +7,9 @@ use super::logs::LimitArgs;
 use super::output::{hold_folder, write_file};
 use super::progress_bar;
 use super::vehicle::{Commanded, VehicleLinearModel, by_kind};
-use crate::control::{Choice, ControlVariant, PredictionModelFor, Propagation, RollOut};
+use crate::control::{
+    Choice, ControlVariant, ControllerParametersFor, PredictionModelFor, Propagation, RollOut,
+};
 use crate::simulate::{End, STATION};
 use clap::Args;
 use std::error::Error;
@@ -83,7 +85,8 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
         )
         .into());
     }
-    let (setup, model) = prepared::<P, S, C>(args)?;
+    let setup = prepared::<P, S, C>(args)?;
+    let model = model::<P, S, C>(args, &setup.controller)?;
     let vehicle = Some(PathBuf::from(&args.vehicle));
     check_folder(
         &args.out,
@@ -124,10 +127,10 @@ fn collect<P: Commanded<S, C>, const S: usize, const C: usize>(
     Ok(())
 }
 
-/// Road, vehicle and controller of all drives, and the model that the controller predicts with.
+/// Road, vehicle and controller of all drives.
 fn prepared<P: Commanded<S, C>, const S: usize, const C: usize>(
     args: &CollectArgs,
-) -> Result<(Setup<P, S, C>, PredictionModelFor<VehicleLinearModel<P, S, C>, S>), Box<dyn Error>> {
+) -> Result<Setup<P, S, C>, Box<dyn Error>> {
     let mut settings: Vec<String> = match args.residual {
         Some(_) => vec![],
         // Calm throughout: dither is to be answered by the vehicle, not by the controller.
@@ -144,18 +147,23 @@ fn prepared<P: Commanded<S, C>, const S: usize, const C: usize>(
     let again = P::SETTING.again.filter(|_| args.residual.is_some());
     setup.controller.mpc.dither =
         args.dither.unwrap_or_else(|| again.map_or(P::SETTING.dither, |again| again.dither));
-    let model = match &args.residual {
-        None => PredictionModelFor::Adaptive(setup.controller.actuator.actuator()),
-        Some(file) => {
-            let choice = Choice {
-                variant: ControlVariant::None,
-                file: Some(file.clone()),
-                folder: MODELS.into(),
-                propagation: Propagation::Propagated,
-                roll_out: RollOut::Corrected,
-            };
-            choice.prediction_model(&setup.controller)?.1
-        }
+    Ok(setup)
+}
+
+/// The model that the controller predicts with.
+fn model<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &CollectArgs,
+    controller: &ControllerParametersFor<P::Nominal>,
+) -> Result<PredictionModelFor<VehicleLinearModel<P, S, C>, S>, Box<dyn Error>> {
+    let Some(file) = &args.residual else {
+        return Ok(PredictionModelFor::Adaptive(controller.actuator.actuator()));
     };
-    Ok((setup, model))
+    let choice = Choice {
+        variant: ControlVariant::None,
+        file: Some(file.clone()),
+        folder: MODELS.into(),
+        propagation: Propagation::Propagated,
+        roll_out: RollOut::Corrected,
+    };
+    Ok(choice.prediction_model(controller)?.1)
 }

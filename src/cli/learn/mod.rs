@@ -8,9 +8,10 @@
 //! prove       default, identified, learned on roads that none was learned on, at full speed
 //! ```
 
+mod inputs;
+
 use super::diagnose::steady_steering;
 use super::drive::{MODELS, Setup, setting};
-use super::files::{check_folder, given};
 use super::logs::LimitArgs;
 use super::output::{hold_folder, write_file, write_json};
 use super::progress_bar;
@@ -27,6 +28,7 @@ use crate::residual::{DataSet, ShownActuator};
 use crate::simulate::{CAR_COLUMNS, DriveFor, Outcome, STATION};
 use crate::vehicle::{BUILTIN, VehicleParameters as _};
 use clap::{Args, Parser};
+use inputs::{check_outputs, check_road};
 use serde_json::{Value, json};
 use std::error::Error;
 use std::path::PathBuf;
@@ -88,8 +90,6 @@ const PROVE_ROADS: usize = 2;
 /// Speed and lateral acceleration of the next try, as shares, after a vehicle was lost; and such tries.
 const SLOWER: (f64, f64) = (0.7, 0.5);
 const TRIES: usize = 4;
-/// Range of headings within which a road is straight, rad.
-const STRAIGHT: f64 = 0.02;
 /// Time after which a drive is given up, s.
 const LONGEST: f64 = 1800.0;
 
@@ -123,14 +123,7 @@ fn learn<P: Commanded<S, C>, const S: usize, const C: usize>(args: &LearnArgs) -
         &args.vehicle,
         &args.settings,
     )?;
-    if let (true, 0, Some(road)) = (is_straight(&setup.path), args.roads, &args.path) {
-        return Err(format!(
-            "{}: the road is straight: a drive on it shows no bend to learn from; give another (--path), or random roads beside it \
-             (--roads)",
-            road.display()
-        )
-        .into());
-    }
+    check_road(args, &setup.path)?;
     let mut training: NamedRoads = vec![("training road".to_owned(), setup.path.clone())];
     let test = Setup::<P, S, C>::new(args.test.as_deref(), &reading, P::TEST, &args.vehicle, &args.settings)?;
     let mut proving: NamedRoads = vec![("test road".to_owned(), test.path)];
@@ -150,28 +143,6 @@ fn learn<P: Commanded<S, C>, const S: usize, const C: usize>(args: &LearnArgs) -
     let _held = hold_folder(&args.out)?;
     let Setup { controller, vehicle, effects, .. } = setup;
     Ladder::<P, S, C> { args, vehicle, effects, controller }.climb(&training, &proving)
-}
-
-/// Checks that no file of the folder for results is one of those that are read.
-fn check_outputs(args: &LearnArgs) -> Result<(), Box<dyn Error>> {
-    let mut names = ["drive.csv", "controller.toml", "model.rflm", "train.json", "learn.json"]
-        .map(str::to_owned)
-        .to_vec();
-    names.extend((1..=args.roads + 1).map(|number| format!("collect_{number}.csv")));
-    let vehicle = Some(PathBuf::from(&args.vehicle));
-    check_folder(
-        &args.out,
-        &names,
-        &given([("--path", &args.path), ("--test", &args.test), ("--vehicle", &vehicle)]),
-    )
-}
-
-/// True if a road has one heading from its beginning to its end.
-fn is_straight(road: &Path) -> bool {
-    let stations = (0..=road.length() as usize).map(|station| road.at(station as f64).yaw);
-    let [least, most] = stations
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[least, most], yaw| [least.min(yaw), most.max(yaw)]);
-    most - least < STRAIGHT
 }
 
 impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
