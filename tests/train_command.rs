@@ -1,7 +1,7 @@
 //! `rfl train`: what it learns from logs of any kind, what it says of bad ones, and that the model is the same bits
 //! on any number of threads.
 
-use crate::command::{done, refused, rfl, road};
+use crate::command::{done, refused, rfl, road, text};
 use crate::drive_table::DriveTable;
 use serde_json::Value;
 use std::collections::BTreeSet;
@@ -81,6 +81,28 @@ fn a_log_gives_a_model_that_fits_and_drives_better() {
         ["--variant", "actuator", "--set", "actuator.dead_time=0.06", "--set", "actuator.time_constant=0.15"];
     // The default finds the actuator as it drives: to be told is worth little more.
     assert!(mean(&actuator) < 1.1 * nominal);
+}
+
+#[test]
+fn a_model_that_saw_no_bend_is_not_shown_to_be_better_and_not_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let points: String = (0..300).map(|x| format!("{x},0\n")).collect();
+    std::fs::write(folder.path().join("straight.csv"), format!("x,y\n{points}")).unwrap();
+    let slow = ["--set", "effect.steer_lag=0.1", "--set", "effect.steer_delay=0.06"];
+    let collect = ["collect", "--quiet", "--runs", "1", "--out", ".", "--path", "straight.csv"];
+    done(&rfl(folder.path(), &[&collect[..], &["--vehicle", "bmw_320i"], &slow].concat()));
+    let train = ["train", "drive_1.csv", "--quiet", "--vehicle", "bmw_320i", "--trees", "3", "--depth", "3"];
+    let more = ["--out", "m.rflm", "--json", "fit.json"];
+    let output = rfl(folder.path(), &[&train[..], &more].concat());
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(said.contains("no model is written") && said.contains("--force"), "{said}");
+    assert!(!folder.path().join("m.rflm").exists());
+    let model = &json(&folder.path().join("fit.json"))["models"][0];
+    assert!(model["proof"]["change"]["interval"][1].as_f64().unwrap() > 0.0, "{model}");
+    let forced = done(&rfl(folder.path(), &[&train[..], &more, &["--force"]].concat()));
+    assert!(forced.contains("warning: not better than the default controller"), "{forced}");
+    assert!(folder.path().join("m.rflm").is_file());
 }
 
 #[test]
