@@ -5,8 +5,8 @@
     scripts/kills.py --kills 10 --only drive --only tune
     scripts/kills.py --fmus target/fmu        FMUs for the commands that change them
 
-A command runs once to its end. Then it is started again and again in the same folder and killed (SIGKILL) after a
-random part of that time. After each kill every file that a later command would take is read: a table has whole rows,
+A command runs once to its end. Then it is started again and again in the same folder (`evaluate`, which goes on where
+it was, in an empty one) and killed (SIGKILL) after a random part of that time. After each kill every file that a later command would take is read: a table has whole rows,
 JSON, TOML and HTML have their ends, a model its checksum, an archive the sums of its entries. Drafts
 (`.NAME.PROCESS.NUMBER.part`) are nobody's; the next run takes them away.
 """
@@ -60,6 +60,9 @@ COMMANDS: dict[str, list[str]] = {
     "fmu-build --start": ["{fmu}", "{fmus}/RflMpc.fmu", "--start", "RflMpc.mpc.q_e2=2", "--out", "fmus"],
     "fmu-build --merge": ["{fmu}", "{fmus}/PassengerCar.fmu", "--merge", "{fmus}/PassengerCar.fmu", "--out", "fmus"],
 }  # fmt: skip
+
+# What a command goes on from: without it each run is one from the beginning.
+KEPT = {"evaluate": "evaluate"}
 
 
 def check(file: Path) -> None:
@@ -130,8 +133,8 @@ def prepare(folder: Path, rfl: Path) -> None:
     )
 
 
-def kill(command: list[str], kills: int, rfl: Path) -> dict:
-    """Kills a command at random moments."""
+def kill(command: list[str], kills: int, rfl: Path, kept: str | None) -> dict:
+    """Kills a command at random moments. ``kept``: a folder that is removed before each run."""
     draw = random.Random(1)
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
@@ -144,6 +147,8 @@ def kill(command: list[str], kills: int, rfl: Path) -> dict:
             raise SystemExit(f"{' '.join(command)}: {whole.stderr or whole.stdout}")
         stopped = files = 0
         for _ in range(kills):
+            if kept:
+                shutil.rmtree(folder / kept, ignore_errors=True)
             with subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as run:
                 time.sleep(takes * draw.random())
                 run.kill()
@@ -174,7 +179,7 @@ def main() -> None:
         command = [word.format(**programs) for word in words]
         if shutil.which(command[0]) is None:
             raise SystemExit(f"{command[0]}: is not there; build it, or name its folder with --programs")
-        done = kill(command, options.kills, programs["rfl"])
+        done = kill(command, options.kills, programs["rfl"], KEPT.get(name))
         found = json.loads(results.read_text(encoding="utf-8"))
         found.setdefault("kills", {})[name] = done
         fuzz.write(found)
