@@ -6,9 +6,9 @@
     scripts/kills.py --fmus target/fmu        FMUs for the commands that change them
 
 A command runs once to its end. Then it is started again and again in the same folder (`evaluate`, which goes on where
-it was, in an empty one) and killed (SIGKILL) after a random part of that time. After each kill every file that a later command would take is read: a table has whole rows,
-JSON, TOML and HTML have their ends, a model its checksum, an archive the sums of its entries. Drafts
-(`.NAME.PROCESS.NUMBER.part`) are nobody's; the next run takes them away.
+it was, in an empty one) and killed (SIGKILL) after a random part of that time. After each kill every file that a later
+command would take is read: a table has whole rows, JSON, TOML and HTML have their ends, a model its checksum, an
+archive the sums of its entries. Drafts (`.NAME.PROCESS.NUMBER.part`) are nobody's; the next run takes them away.
 """
 
 from __future__ import annotations
