@@ -55,12 +55,12 @@ fn a_log_gives_a_model_that_fits_and_drives_better() {
     assert!(said.contains("out/residual/rfl_s.rflm") && !said.contains("note"), "{said}");
     let fit = json(&folder.path().join("fit.json"));
     assert_eq!(fit["models"][0]["proven"], Value::from(true), "{said}");
-    // Eight drives, each on a road of its own; the whole interval of the change is below zero.
+    // Sixteen drives, each on a road of its own; the whole interval of the change is below zero.
     let proof = &fit["models"][0]["proof"];
     let roads: BTreeSet<_> = proof["drives"].as_array().unwrap().iter().map(road_of).collect();
     let [low, high] = [0, 1].map(|end| proof["change"]["interval"][end].as_f64().unwrap());
     let mean = proof["change"]["mean"].as_f64().unwrap();
-    assert!(roads.len() == 8 && low < mean && mean < high && high < 0.0, "{proof}");
+    assert!(roads.len() == 16 && low < mean && mean < high && high < 0.0, "{proof}");
     let (data, model) = (&fit["data"], &fit["models"][0]);
     assert_eq!((&data["gaps"], &data["not_finite"]), (&Value::from(0), &Value::from(0)));
     assert_eq!((model["kind"].as_str(), model["window"].as_u64()), (Some("rfl_s"), Some(35)));

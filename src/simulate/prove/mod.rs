@@ -33,8 +33,9 @@ use std::sync::Arc;
 
 /// Roads of these drives: no search, tuning or examination of `tune/` uses such seeds.
 const FIRST_SEED: u64 = 77_000_000;
-/// Drives, each of a plant and a road of its own.
-const DRIVES: usize = 8;
+/// Drives, each of a plant and a road of its own. Of models that were 13 to 19 % better on other roads, 8 drives showed
+/// 11 of 16, and 16 drives 7 of 8.
+const DRIVES: usize = 16;
 /// Mean lateral error by which a drive may be worse than the default's, m, and largest, as a share of the default's and m.
 const WORSE_MEAN: f64 = 0.002;
 const WORSE_MAX: (f64, f64) = (1.25, 0.01);
@@ -339,9 +340,9 @@ mod tests {
         Proof { drives: means.iter().enumerate().map(drive).collect() }
     }
 
-    const DEFAULT: [f64; DRIVES] = [2.0, 9.0, 3.0, 6.0, 2.5, 4.0, 5.0, 3.5];
+    const DEFAULT: [f64; 8] = [2.0, 9.0, 3.0, 6.0, 2.5, 4.0, 5.0, 3.5];
 
-    fn learned(factors: [f64; DRIVES]) -> Proof {
+    fn learned(factors: [f64; 8]) -> Proof {
         let pairs: Vec<_> =
             DEFAULT.iter().zip(factors).map(|(&mean, factor)| (mean, factor * mean)).collect();
         proof(&pairs)
@@ -350,13 +351,13 @@ mod tests {
     #[test]
     fn a_mean_that_is_less_by_chance_is_not_better() {
         // Less by 2 % in every drive, whatever its size.
-        assert_eq!(learned([0.98; DRIVES]).check(), Ok(()));
+        assert_eq!(learned([0.98; 8]).check(), Ok(()));
         // Less by as much in the mean, of drives that differ by more.
         let scattered = learned([1.08, 0.9, 1.06, 0.91, 1.05, 0.97, 1.01, 0.93]);
         let [default, with] = scattered.figures();
         assert!(with.mean < 0.98 * default.mean);
         let reason = scattered.check().unwrap_err();
-        assert!(matches!(reason, NotBetter::NotShown { drives: DRIVES, .. }), "{reason}");
+        assert!(matches!(reason, NotBetter::NotShown { drives: 8, .. }), "{reason}");
         let words = reason.to_string();
         for part in [
             "8 simulated drives is 4.",
@@ -368,12 +369,12 @@ mod tests {
         }
         // Two drives never show it.
         assert!(matches!(proof(&[(5.0, 3.0), (4.0, 2.0)]).check(), Err(NotBetter::NotShown { .. })));
-        assert!(matches!(learned([1.02; DRIVES]).check(), Err(NotBetter::Mean { .. })));
+        assert!(matches!(learned([1.02; 8]).check(), Err(NotBetter::Mean { .. })));
     }
 
     #[test]
     fn lost_and_faded_drives_count_as_such() {
-        let mut lost = learned([1.01; DRIVES]);
+        let mut lost = learned([1.01; 8]);
         lost.drives[3].default.lost = true;
         assert_eq!(lost.check(), Ok(()));
         lost.drives[5].learned.lost = true;
