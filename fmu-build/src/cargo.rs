@@ -286,7 +286,7 @@ impl Builder {
         }
     }
 
-    /// What a build of `selection` makes: the shared library that has its last word for a name.
+    /// The shared library that a build of `selection` makes.
     fn library(
         &self,
         project: &Path,
@@ -296,14 +296,17 @@ impl Builder {
         part: Option<&str>,
     ) -> Result<PathBuf, CargoError> {
         let (text, command) = self.run(project, profile, selection, target, part)?;
-        let name = selection.last().copied().unwrap_or_default().replace('-', "_");
+        // Beside others a library is told by its package's name.
+        let name = match self {
+            Builder::Beside(_) => selection.last().map(|package| package.replace('-', "_")),
+            Builder::Zig | Builder::Cargo => None,
+        };
         let mut library = None;
         for line in text.lines() {
             let message: Value = serde_json::from_str(line)
                 .map_err(|source| CargoError::Json { command: command.clone(), source })?;
             let kinds = message["target"]["crate_types"].as_array();
-            let is_it =
-                message["target"]["name"].as_str().is_some_and(|found| found.replace('-', "_") == name);
+            let is_it = name.as_ref().is_none_or(|name| message["target"]["name"] == name.as_str());
             if is_it && kinds.is_some_and(|kinds| kinds.iter().any(|kind| kind == "cdylib")) {
                 let files = message["filenames"].as_array().into_iter().flatten().filter_map(Value::as_str);
                 let shared =
