@@ -47,6 +47,25 @@ fn json(file: &Path) -> Value {
 }
 
 #[test]
+fn a_model_is_left_out_where_the_controller_is_called_more_rarely() {
+    let folder = tempfile::tempdir().unwrap();
+    train(folder.path(), &collected(), &["--kind", "rfl_s"]);
+    let (road, model) = (road(), "out/residual/rfl_s.rflm");
+    let call = ["drive", "--quiet", "--path", &road, "--step", "0.05", "--json", "drive.json"];
+    let with = rfl(folder.path(), &[&call[..], &["--residual", model]].concat());
+    let said = String::from_utf8(with.stderr).unwrap();
+    assert!(said.contains("rfl_s is of 0.02 s and is left out: --step 0.02 drives with it"), "{said}");
+    let figures = || {
+        let drive = json(&folder.path().join("drive.json"));
+        assert_eq!(drive["variant"], "adaptive", "{drive}");
+        drive["tracking"].to_string()
+    };
+    let left_out = figures();
+    done(&rfl(folder.path(), &call));
+    assert_eq!(left_out, figures());
+}
+
+#[test]
 fn a_log_gives_a_model_that_fits_and_drives_better() {
     let folder = tempfile::tempdir().unwrap();
     collected().write(folder.path());

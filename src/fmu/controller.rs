@@ -138,10 +138,18 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
 
         let file = context.locate(values.string(v.path_file));
         let path = Path::read(&file).map_err(|error| {
+            let place = if file.is_relative() {
+                ". A relative name is one in the FMU's folder resources/, else in the host's working folder"
+            } else {
+                ""
+            };
             failed(format!(
-                "{error}. The parameter path_file names the path to follow: a CSV file with columns x, y"
+                "{error}. The parameter path_file names the path to follow: a CSV file with columns x, y{place}"
             ))
         })?;
+        let own =
+            if values.is_set_by_host(v.path_file) { "" } else { "; the FMU's own, for path_file is not set" };
+        log.log(Severity::Info, "path", &format!("{}: {:.0} m{own}", file.display(), path.length()));
         for note in path.notes() {
             // Hosts stop at a warning: what was repaired is none.
             let severity = if note.warning { Severity::Warning } else { Severity::Info };

@@ -226,14 +226,14 @@ fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
     }
     let sample_time = setup.controller.mpc.sample_time;
     args.settings.iter().try_for_each(|text| setup.apply(text))?;
-    keep_up_with(args.step, sample_time, &model, &mut setup.controller)?;
+    let (mut variant, mut model) = model.choose(&setup.controller)?;
+    keep_up_with(args.step, sample_time, (&mut variant, &mut model), &mut setup.controller)?;
     if let Some(warning) = setup.controller.too_tight::<S>(&setup.path) {
         warn!("warning: {warning}");
     }
     if let Some(note) = setup.controller.slower_than_told(&setup.path) {
         warn!("note: {note}");
     }
-    let (variant, model) = model.choose(&setup.controller)?;
     Ok((setup, variant, model))
 }
 
@@ -248,7 +248,7 @@ fn drive<P: Commanded<S, C>, const S: usize, const C: usize>(
     let bar = progress_bar("driving", setup.path.length(), args.quiet);
     let limits = LaneLimits { lateral_error: args.lane, ..LaneLimits::default() };
     let mut closed = setup.connect(model, args.step)?.with_limits(limits).placed(initial.0);
-    warn_of_long_steps(args.step, sample_time, &args.model);
+    warn_of_long_steps(args.step, sample_time);
     let begin = std::time::Instant::now();
     let drive = closed.record(args.duration.unwrap_or(LONGEST), |row, _| {
         bar.set_position(row[STATION].max(0.0) as u64);

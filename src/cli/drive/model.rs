@@ -60,9 +60,4 @@ impl ModelArgs {
     pub fn file(&self) -> &Option<PathBuf> {
         &self.residual
     }
-
-    /// True if the model was learned, at a sample time of its own.
-    pub fn is_learned(&self) -> bool {
-        self.variant.is_learned() || self.residual.is_some()
-    }
 }
