@@ -487,6 +487,36 @@ def checks_of(result: Drive, requirements: list[Requirement], cut: bool) -> list
     return [outcome, *(requirement.check(r) for requirement in requirements)]
 
 
+def read_by(options: argparse.Namespace) -> dict[str, Path | str | None]:
+    """The files that are read, by their options."""
+    read = {"--path": options.path and road_of(options.path), "--vehicle": options.vehicle}
+    read |= {f"--fmus {file.name}": file for file in options.fmus.glob("*.fmu")}
+    return read | {f"--set {name}": value for name, _, value in (text.partition("=") for text in options.set)}
+
+
+def junit_class(options: argparse.Namespace) -> str:
+    """Class of the test cases: drives of other vehicles or roads have others."""
+
+    def of_file(file: Path) -> str:
+        return f"{file.parent.name}.{file.stem}" if file.parent.name not in ("", "..") else file.stem
+
+    vehicle = of_file(Path(options.vehicle)) if options.vehicle else "car"
+    road = of_file(options.path) if options.path else "drive"
+    return options.junit_name or f"closed_loop.{vehicle}.{road}"
+
+
+def failed(error: Exception, options: argparse.Namespace) -> int:
+    """Says why there is no drive; an older JUnit file would say how another one went."""
+    print(f"closed_loop: {error}", file=sys.stderr)
+    if options.junit:
+        check = Check("outcome", False, str(error), error=True)
+        try:
+            write_junit(options.junit, "closed_loop.py", [(junit_class(options), 0.0, [check])])
+        except OSError as fault:
+            print(f"closed_loop: {fault}", file=sys.stderr)
+    return 1
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__,
@@ -509,6 +539,7 @@ def main() -> int:
     parser.add_argument("--json", type=Path, help="file for the results, a JSON")
     parser.add_argument("--require", action="append", default=[], metavar="FIGURE<=VALUE", help="a test; repeatable")
     parser.add_argument("--junit", type=Path, help="file for outcome and requirements as test cases, a JUnit XML")
+    parser.add_argument("--junit-name", metavar="NAME", help="class of the test cases (default: of vehicle and road)")
     parser.add_argument(
         "--lane",
         type=float,
@@ -530,10 +561,7 @@ def main() -> int:
         parser.error(f"--lane {options.lane:g}: give a width in m that is greater than 0")
     try:
         requirements = [Requirement(text) for text in options.require]
-        check_files(
-            {"--log": options.log, "--json": options.json, "--junit": options.junit},
-            {"--path": options.path and road_of(options.path), "--vehicle": options.vehicle},
-        )
+        check_files({"--log": options.log, "--json": options.json, "--junit": options.junit}, read_by(options))
     except ValueError as error:
         parser.error(str(error))
 
@@ -553,8 +581,7 @@ def main() -> int:
         )
     except (RuntimeError, ValueError, OSError) as error:
         progress.close()
-        print(f"closed_loop: {error}", file=sys.stderr)
-        return 1
+        return failed(error, options)
     progress.close()
     for message in result.messages:
         print(message, file=sys.stderr)
@@ -574,10 +601,9 @@ def main() -> int:
         if options.json:
             write_whole(options.json, json.dumps(known(results), indent=2) + "\n")
         if options.junit:
-            write_junit(options.junit, "closed_loop.py", [(f"closed_loop.{name}", result.wall, checks)])
+            write_junit(options.junit, "closed_loop.py", [(junit_class(options), result.wall, checks)])
     except OSError as error:
-        print(f"closed_loop: {error}", file=sys.stderr)
-        return 1
+        return failed(error, options)
     e1 = results["tracking"]
     print(
         f"{results['duration']:.2f} s driven in {result.wall:.2f} s; "

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -119,8 +120,14 @@ class Referee:
     def _beside(self, at: Place) -> str:
         if abs(at.lateral_error) > self.lane:
             side = "left" if at.lateral_error > 0 else "right"
-            return f"{abs(at.lateral_error):.2f} m {side} of its path, beyond the lane's {self.lane:g} m"
+            return f"{beyond(abs(at.lateral_error), self.lane)} m {side} of its path, beyond the lane's {self.lane:g} m"
         return f"turned by {abs(at.heading_error):.2f} rad from its path, beyond {TURNED:g} rad"
+
+
+def beyond(value: float, limit: float) -> str:
+    """A value in so many digits, two at least, that it shows to be beyond the limit."""
+    written = (f"{value:.{digits}f}" for digits in range(2, 15))
+    return next((text for text in written if float(text) > limit), repr(value))
 
 
 def exit_status(outcome: str, cut: bool, met: bool = True, asked: bool = False) -> int:
@@ -189,6 +196,7 @@ class Check:
     name: str
     met: bool
     words: str
+    error: bool = False  # no drive, in place of one that is not as required
 
 
 @dataclass
@@ -243,8 +251,23 @@ class Requirement:
 # -- Files ------------------------------------------------------------------------------------------------------------
 
 
+def files_behind(vehicle: Path | str | None) -> list[Path]:
+    """The tyre files that a vehicle file names."""
+    if vehicle is None or not Path(vehicle).is_file():
+        return []
+    try:
+        text = Path(vehicle).read_text(encoding="utf-8")
+    except (OSError, ValueError):  # the FMU says what is wrong with it
+        return []
+    names = re.findall(r"""^\s*file\s*=\s*["'](.+?)["']""", text, re.MULTILINE)
+    return [Path(vehicle).parent / name for name in names]
+
+
 def check_files(written: dict[str, Path | None], read: dict[str, Path | str | None]) -> None:
-    """Checks the files that a command writes, by its options: none is another, nor one that it reads."""
+    """Checks the files that a command writes, by its options: none is another, nor one that it reads.
+
+    What is read with a vehicle (`--vehicle`) counts, too.
+    """
 
     def is_same(one: Path, other: Path | str) -> bool:
         one, other = Path(one), Path(other)
@@ -254,16 +277,21 @@ def check_files(written: dict[str, Path | None], read: dict[str, Path | str | No
             return one.samefile(other)
         return one.resolve() == other.resolve()
 
+    over = "and would be written over: name another"
     before: list[tuple[str, Path]] = []
     for option, file in written.items():
         if file is None:
             continue
+        if str(file) == "-":
+            raise ValueError(f"{option} -: standard output is for words here; name a file")
         for other, there in before:
             if is_same(file, there):
                 raise ValueError(f"{other} and {option} are one file, {file}: name two")
         for other, there in read.items():
             if there is not None and Path(there).is_file() and is_same(file, there):
-                raise ValueError(f"{option} {file} is the file of {other}, and would be written over: name another")
+                raise ValueError(f"{option} {file} is the file of {other}, {over}")
+        if any(tyre.is_file() and is_same(file, tyre) for tyre in files_behind(read.get("--vehicle"))):
+            raise ValueError(f"{option} {file} is read with --vehicle {read['--vehicle']}, {over}")
         before.append((option, file))
 
 
@@ -284,24 +312,31 @@ def write_whole(file: Path, text: str) -> None:
         raise
 
 
+def xml_text(text: str) -> str:
+    """A text with a replacement for each character that XML 1.0 does not allow."""
+    return re.sub("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "\ufffd", text)
+
+
 def write_junit(file: Path, suite: str, cases: list[tuple[str, float, list[Check]]]) -> None:
     """Writes checks as a JUnit file: for each drive its class, its time in s, and a test case a check."""
     every = [check for _, _, checks in cases for check in checks]
     totals = {
         "tests": str(len(every)),
-        "failures": str(sum(not check.met for check in every)),
-        "errors": "0",
+        "failures": str(sum(not check.met and not check.error for check in every)),
+        "errors": str(sum(check.error for check in every)),
         "time": f"{sum(time for _, time, _ in cases):.3f}",
     }
     root = ET.Element("testsuites", totals)
     group = ET.SubElement(root, "testsuite", {"name": suite} | totals)
     for name, _, checks in cases:
         for check in checks:
-            case = ET.SubElement(group, "testcase", classname=name, name=check.name, time="0")
+            words = xml_text(check.words)
+            case = ET.SubElement(group, "testcase", classname=xml_text(name), name=xml_text(check.name), time="0")
             if check.met:
-                ET.SubElement(case, "system-out").text = check.words
+                ET.SubElement(case, "system-out").text = words
             else:
-                ET.SubElement(case, "failure", type="requirement", message=check.words).text = check.words
+                tag, kind = ("error", "error") if check.error else ("failure", "requirement")
+                ET.SubElement(case, tag, type=kind, message=words).text = words
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
     write_whole(file, f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n')

@@ -37,6 +37,8 @@ pub enum AddError {
     Misfit { file: PathBuf, vehicle: String, source: ModelError },
     #[error("{what} is for {fmu}, which is not among the FMUs that are made")]
     NotGiven { what: String, fmu: String },
+    #[error("`{text}` names no FMU: write {}", with.join(" or "))]
+    NoFmu { text: String, with: Vec<String> },
     #[error("`{0}` is no start value: write FMU.PARAMETER=VALUE, e.g. RflMpc.mpc.sample_time=0.01")]
     Form(String),
     #[error(transparent)]
@@ -151,8 +153,16 @@ pub fn add_start(fmus: &mut [Fmu], text: &str) -> Result<(), AddError> {
     let form = || AddError::Form(text.to_owned());
     let (name, value) = text.split_once('=').ok_or_else(form)?;
     let (unit, parameter) = name.trim().split_once('.').ok_or_else(form)?;
-    let missing = || AddError::NotGiven { what: text.to_owned(), fmu: unit.to_owned() };
-    let fmu = fmus.iter_mut().find(|fmu| fmu.declaration.name == unit).ok_or_else(missing)?;
+    let missing = || {
+        let owners = fmus.iter().filter(|fmu| fmu.declaration.find(name.trim()).is_some());
+        let with: Vec<_> = owners.map(|fmu| format!("{}.{text}", fmu.declaration.name)).collect();
+        match with.is_empty() {
+            true => AddError::NotGiven { what: text.to_owned(), fmu: unit.to_owned() },
+            false => AddError::NoFmu { text: text.to_owned(), with },
+        }
+    };
+    let place = fmus.iter().position(|fmu| fmu.declaration.name == unit).ok_or_else(missing)?;
+    let fmu = &mut fmus[place];
     let value = value.trim();
     fmu.declaration.clone().start_with(parameter, value)?;
     let mut start = value.to_owned();

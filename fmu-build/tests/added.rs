@@ -118,7 +118,9 @@ fn models_that_cannot_drive_are_refused_with_the_reason() {
     add_models(&mut fmus, &project(), &[slow]).unwrap();
     assert_eq!(of(&fmus, "RflMpc").added.start["mpc.sample_time"], "0.04");
     for (text, words) in [
-        ("mpc.sample_time=0.04", "is for mpc, which is not among"),
+        ("mpc.sample_time=0.04", "write RflMpc.mpc.sample_time=0.04 or TruckRflMpc.mpc.sample_time=0.04"),
+        ("Other.mpc.sample_time=0.04", "is for Other, which is not among"),
+        ("RflMpc.mpc.q_e9=1", "no parameter `mpc.q_e9`; there are mpc.q_e1, "),
         ("sample_time=0.04", "RflMpc.mpc.sample_time"),
         ("RflMpc.mpc.sample_time", "FMU.PARAMETER=VALUE"),
         ("RflMpc.mpc.sample_time=fast", "a number in"),

@@ -427,7 +427,9 @@ fn mae_of(outcomes: &[DriveMetrics]) -> f64 {
 
 fn print(condition: &Condition) {
     let noise = if condition.noise { "with" } else { "without" };
-    say!("\nplant {}, {noise} sensor noise, {} seeds", condition.plant, condition.effort.seeds);
+    let seeds = condition.effort.seeds;
+    let plural = if seeds == 1 { "" } else { "s" };
+    say!("\nplant {}, {noise} sensor noise, {seeds} seed{plural}", condition.plant);
     say!("lateral error in mm, PE in % of the nominal MPC's mean; roughness: RMS steering rate in rad/s");
     if !condition.left_out.is_empty() {
         say!("left out, for there is no such model of it: {}", condition.left_out.join(", "));

@@ -1,6 +1,8 @@
 //! Files of a command: what it writes must be no file that it reads or writes beside.
 
 use super::output::check_writable;
+use crate::control::MODEL_EXTENSION;
+use crate::input;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
@@ -8,7 +10,7 @@ use std::path::{Path, PathBuf};
 pub(super) type Named<F> = (&'static str, F);
 
 /// Checks the files that a command writes, before its work: each can be written, and is none of the others, nor one that
-/// the command reads. Of `read`, names that are no files here are passed over.
+/// the command reads. Of `read`, names that are no files here are passed over; the files that one leads to count, too.
 ///
 /// # Errors
 /// The file with its fault.
@@ -38,12 +40,46 @@ fn check_not_read<R: AsRef<Path>>(
     read: &[Named<R>],
 ) -> Result<(), Box<dyn Error>> {
     let same = |other: &Path| other.is_file() && place_of(other).is_some_and(|other| is_same(place, &other));
-    match read.iter().find(|(_, other)| same(other.as_ref())) {
-        Some((other, _)) => {
-            Err(format!("{option} {name} is the file of {other}, and would be written over: name another")
-                .into())
+    let over = "and would be written over: name another";
+    if let Some((other, _)) = read.iter().find(|(_, other)| same(other.as_ref())) {
+        return Err(format!("{option} {name} is the file of {other}, {over}").into());
+    }
+    let behind = |other: &R| files_behind(other.as_ref()).iter().any(|file| same(file));
+    match read.iter().find(|(_, other)| behind(other)) {
+        Some((other, named)) => {
+            let named = named.as_ref().display();
+            Err(format!("{option} {name} is read with {other} {named}, {over}").into())
         }
         None => Ok(()),
+    }
+}
+
+/// The files that are read with what an option names: a vehicle file's tyres, the models of a folder.
+pub(super) fn files_behind(named: &Path) -> Vec<PathBuf> {
+    /// More is no file that names others; a log need not be parsed as one.
+    const LONGEST: u64 = 1 << 20;
+    if named.is_dir() {
+        let all = std::fs::read_dir(named).into_iter().flatten().flatten().map(|entry| entry.path());
+        return all.filter(|file| file.extension().is_some_and(|of| of == MODEL_EXTENSION)).collect();
+    }
+    if !std::fs::metadata(named).is_ok_and(|what| what.is_file() && what.len() <= LONGEST) {
+        return Vec::new();
+    }
+    let table = input::read_text(named).ok().and_then(|text| text.parse::<toml::Table>().ok());
+    let mut names = Vec::new();
+    table.iter().for_each(|table| file_names(table, &mut names));
+    let folder = named.parent().unwrap_or(Path::new(""));
+    names.into_iter().map(|name| folder.join(name)).collect()
+}
+
+/// The values of all keys `file`.
+fn file_names(table: &toml::Table, names: &mut Vec<String>) {
+    for (key, value) in table {
+        match value {
+            toml::Value::String(name) if key == "file" => names.push(name.clone()),
+            toml::Value::Table(inner) => file_names(inner, names),
+            _ => {}
+        }
     }
 }
 
@@ -94,6 +130,30 @@ fn is_same(a: &Path, b: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_a_vehicle_file_or_a_folder_leads_to_is_not_written_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir_all(at("cars/tyres")).unwrap();
+        let vehicle =
+            "name = \"a\"\n[tyre.front]\nfile = \"tyres/a.tir\"\n[deep.er.tyre]\nfile = \"../b.tir\"\n";
+        std::fs::write(at("cars/a.toml"), vehicle).unwrap();
+        for name in ["cars/tyres/a.tir", "b.tir", "cars/rfl.rflm", "cars/old.csv"] {
+            std::fs::write(at(name), "").unwrap();
+        }
+        let (file, models) = (at("cars/a.toml"), at("cars"));
+        let read = [("--vehicle", &*file), ("--models", &*models)];
+        for (name, by) in
+            [("cars/tyres/a.tir", "--vehicle"), ("cars/../b.tir", "--vehicle"), ("cars/rfl.rflm", "--models")]
+        {
+            let said = check_files(&[("--log", at(name))], &read).unwrap_err().to_string();
+            assert!(said.contains(&format!("is read with {by}")), "{said}");
+        }
+        assert!(check_folder(folder.path(), &["b.tir"], &read).is_err());
+        // What lies beside is another file; a tyre that is built in is none.
+        assert!(check_files(&[("--log", at("cars/old.csv")), ("--json", at("cars/c.tir"))], &read).is_ok());
+    }
 
     #[test]
     fn a_file_is_not_written_twice_nor_over_one_that_is_read() {

@@ -38,6 +38,7 @@ pub mod tune;
 mod vehicle;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 pub use listen::{Listener, heard};
 pub use logs::ReadsLogs;
 
@@ -123,8 +124,17 @@ impl Cli {
 #[must_use]
 pub fn main(words: impl IntoIterator<Item = OsString>) -> u8 {
     // Numbers may be negative, in every command: `--runs -1` is a wrong number, and no option `-1`.
-    let command = Cli::command().mut_subcommands(|command| command.allow_negative_numbers(true));
-    let cli = Cli::from_arg_matches(&command.get_matches_from(words)).unwrap_or_else(|error| error.exit());
+    let mut command = Cli::command().mut_subcommands(|command| command.allow_negative_numbers(true));
+    let words: Vec<OsString> = words.into_iter().collect();
+    let matches = command.try_get_matches_from_mut(&words);
+    let cli = matches.and_then(|found| Cli::from_arg_matches(&found));
+    let cli = cli.unwrap_or_else(|error| {
+        let name = words.get(1).and_then(|word| word.to_str()).unwrap_or_default();
+        match command.find_subcommand_mut(name) {
+            Some(own) => worded(error, own).exit(),
+            None => error.exit(),
+        }
+    });
     match cli.run() {
         Ok(status) => status,
         // Who reads our output has read enough (`rfl path road.csv | head -1`).
@@ -136,16 +146,38 @@ pub fn main(words: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
+/// An error of a command's options; of a number, with what is wanted and what it means.
+fn worded(error: clap::Error, command: &mut clap::Command) -> clap::Error {
+    let Some(wanted) = error.source().and_then(number_wanted) else { return error };
+    let of = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => text.clone(),
+        _ => String::new(),
+    };
+    let (option, value) = (of(ContextKind::InvalidArg), of(ContextKind::InvalidValue));
+    let argument = command.get_arguments().find(|argument| argument.to_string() == option);
+    let meaning = argument.and_then(|argument| argument.get_help()).map(|help| format!(": {help}"));
+    let words = format!("{option}: '{value}' is not {wanted}{}", meaning.unwrap_or_default());
+    command.error(ErrorKind::ValueValidation, words)
+}
+
+/// The number that a failed reading wanted.
+fn number_wanted(error: &(dyn Error + 'static)) -> Option<&'static str> {
+    if error.is::<std::num::ParseFloatError>() {
+        return Some("a number without a unit");
+    }
+    error.is::<std::num::ParseIntError>().then_some("a whole number from 0 on, without a unit")
+}
+
 /// A command's arguments as another program gives them, in the words of the command line.
 ///
 /// # Errors
 /// A fault of them, in the words of the command line.
 pub fn arguments<T: Args>(command: &'static str, words: &[String]) -> Result<T, Box<dyn Error>> {
     let options = clap::Command::new(command).no_binary_name(true).disable_help_flag(true);
-    let command = T::augment_args(options).allow_negative_numbers(true);
-    let read = command.try_get_matches_from(words).and_then(|found| T::from_arg_matches(&found));
+    let mut command = T::augment_args(options).allow_negative_numbers(true);
+    let read = command.try_get_matches_from_mut(words).and_then(|found| T::from_arg_matches(&found));
     read.map_err(|error| {
-        let said = error.to_string();
+        let said = worded(error, &mut command).to_string();
         let words = said.split("\n\nUsage:").next().unwrap_or_default();
         words.trim().trim_start_matches("error: ").to_owned().into()
     })

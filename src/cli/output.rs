@@ -10,11 +10,20 @@ fn named(file: &Path, error: impl Display) -> Box<dyn Error> {
     format!("{}: {error}", file.display()).into()
 }
 
+/// Refuses `-`, which elsewhere is standard output.
+fn check_name(file: &Path) -> Result<(), Box<dyn Error>> {
+    if file.as_os_str() == "-" {
+        return Err("-: standard output is for words here; name a file (./- is one with that name)".into());
+    }
+    Ok(())
+}
+
 /// Tries whether a file can be written: before the work, not after it.
 ///
 /// # Errors
 /// The file with its fault.
 pub(super) fn check_writable(file: &Path) -> Result<(), Box<dyn Error>> {
+    check_name(file)?;
     output::check_writable(file).map_err(|error| named(file, error))
 }
 
@@ -23,6 +32,7 @@ pub(super) fn check_writable(file: &Path) -> Result<(), Box<dyn Error>> {
 /// # Errors
 /// The folder with its fault.
 pub(super) fn hold_folder(folder: &Path) -> Result<HeldFolder, Box<dyn Error>> {
+    check_name(folder)?;
     output::hold_folder(folder).map_err(|error| named(folder, error))
 }
 

@@ -162,12 +162,29 @@ impl std::str::FromStr for Requirement {
     }
 }
 
+/// What a test that is not met says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum CheckKind {
+    /// A drive that is not as required.
+    Requirement,
+    /// No drive.
+    Error,
+}
+
 /// A test and how it went.
 pub(super) struct Check {
     pub name: String,
     pub met: bool,
+    pub kind: CheckKind,
     /// Figure found, and requirement.
     pub words: String,
+}
+
+impl Check {
+    /// The outcome of a drive that could not be made.
+    pub fn error(words: String) -> Self {
+        Self { name: OUTCOME.to_owned(), met: false, kind: CheckKind::Error, words }
+    }
 }
 
 impl Requirement {
@@ -198,7 +215,7 @@ impl Requirement {
                 )
             }
         };
-        Check { name: self.text.clone(), met, words }
+        Check { name: self.text.clone(), met, kind: CheckKind::Requirement, words }
     }
 }
 
@@ -210,6 +227,12 @@ fn with(unit: &str) -> String {
 /// A number to five digits.
 fn short(value: f64) -> f64 {
     format!("{value:.4e}").parse().unwrap_or(value)
+}
+
+/// A text with a replacement for each character that XML 1.0 does not allow.
+fn xml_text(text: &str) -> String {
+    let allowed = |c: char| matches!(c, '\t' | '\n' | '\r' | ' '..='\u{fffd}' | '\u{10000}'..);
+    text.chars().map(|c| if allowed(c) { c } else { char::REPLACEMENT_CHARACTER }).collect()
 }
 
 /// Writes checks as a JUnit file, one test case each.
@@ -224,9 +247,11 @@ pub(super) fn write_junit(
     checks: &[Check],
 ) -> Result<(), Box<dyn Error>> {
     let count = checks.len().to_string();
-    let failures = checks.iter().filter(|check| !check.met).count().to_string();
+    let missed = |kind| checks.iter().filter(|check| !check.met && check.kind == kind).count().to_string();
+    let (failures, errors) = (missed(CheckKind::Requirement), missed(CheckKind::Error));
     let time = format!("{time:.3}");
-    let totals = [("tests", &*count), ("failures", &*failures), ("errors", "0"), ("time", &*time)];
+    let totals = [("tests", &*count), ("failures", &*failures), ("errors", &*errors), ("time", &*time)];
+    let class = xml_text(class);
     write_file(file, |to| {
         let mut xml = Writer::new_with_indent(to, b' ', 2);
         xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
@@ -234,23 +259,28 @@ pub(super) fn write_junit(
             let suites =
                 xml.create_element("testsuite").with_attribute(("name", suite)).with_attributes(totals);
             suites.write_inner_content(|xml| {
-                for Check { name, met, words } in checks {
+                for Check { name, met, kind, words } in checks {
+                    let (name, words) = (xml_text(name), xml_text(words));
+                    let (element, kind) = match kind {
+                        CheckKind::Requirement => ("failure", "requirement"),
+                        CheckKind::Error => ("error", "error"),
+                    };
                     let case = xml
                         .create_element("testcase")
-                        .with_attributes([("classname", class), ("name", name)]);
+                        .with_attributes([("classname", &*class), ("name", &*name)]);
                     let case = case.with_attribute(("time", "0"));
                     if *met {
                         case.write_inner_content(|xml| {
                             let out = xml.create_element("system-out");
-                            out.write_text_content(BytesText::new(words)).map(|_| ())
+                            out.write_text_content(BytesText::new(&words)).map(|_| ())
                         })?;
                     } else {
                         case.write_inner_content(|xml| {
-                            let failure = xml.create_element("failure");
-                            let attributes = [("type", "requirement"), ("message", words)];
+                            let failure = xml.create_element(element);
+                            let attributes = [("type", kind), ("message", &*words)];
                             failure
                                 .with_attributes(attributes)
-                                .write_text_content(BytesText::new(words))
+                                .write_text_content(BytesText::new(&words))
                                 .map(|_| ())
                         })?;
                     }
@@ -305,6 +335,18 @@ mod tests {
         // A drive without a step meets nothing.
         let none = Figures { tracking: TrackingMetrics::default(), steps: 0, ..figures };
         assert!(!met("max_e1=0.5", &none) && !met("missed_steps=0", &none));
+    }
+
+    #[test]
+    fn a_junit_file_is_well_formed_whatever_a_name_has() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("drive.xml");
+        let check = Check::error("no \u{1b}[31mroad\u{0} <&> \u{ffff}\u{1f600}".to_owned());
+        write_junit(&file, "rfl drive", "a\u{7}b", 0.0, &[check]).unwrap();
+        let xml = std::fs::read_to_string(&file).unwrap();
+        assert!(xml.contains("failures=\"0\" errors=\"1\"") && xml.contains("<error type"), "{xml}");
+        assert!(xml.contains("a\u{fffd}b") && xml.contains("\u{1f600}"), "{xml}");
+        assert!(!xml.contains(['\u{0}', '\u{7}', '\u{1b}', '\u{ffff}']), "{xml}");
     }
 
     #[test]

@@ -33,8 +33,8 @@ pub const START_FILE: &str = "start.toml";
 pub enum StartError {
     #[error("{}: {message}", file.display())]
     File { file: PathBuf, message: String },
-    #[error("there is no parameter `{name}`")]
-    Unknown { name: String },
+    #[error("there is no parameter `{name}`{}", if near.is_empty() { String::new() } else { format!("; there are {}", near.join(", ")) })]
+    Unknown { name: String, near: Vec<String> },
     #[error("`{name}` is {wanted}, which `{value}` is not")]
     Value { name: String, value: String, wanted: String },
 }
@@ -105,11 +105,27 @@ impl Declaration {
         values.chosen.iter().try_for_each(|(name, text)| self.start_with(name, text))
     }
 
+    /// The parameters whose names begin like this one for longest.
+    fn parameters_near(&self, name: &str) -> Vec<String> {
+        let common = |other: &str| other.chars().zip(name.chars()).take_while(|(a, b)| a == b).count();
+        let names =
+            self.variables.iter().filter(|of| of.causality == Causality::Parameter).map(|of| &of.name);
+        let longest = names.clone().map(|other| common(other)).max().unwrap_or(0);
+        // A first letter alone is no likeness.
+        names
+            .filter(|other| longest > 2 && common(other) == longest)
+            .take(8)
+            .map(ToString::to_string)
+            .collect()
+    }
+
     fn start(&mut self, name: &str, text: &str) -> Result<&mut Variable, StartError> {
         let parameter =
-            |variable: &&mut Variable| variable.causality == Causality::Parameter && variable.name == name;
-        let variable = self.variables.iter_mut().find(parameter);
-        let variable = variable.ok_or_else(|| StartError::Unknown { name: name.to_owned() })?;
+            |variable: &Variable| variable.causality == Causality::Parameter && variable.name == name;
+        let Some(place) = self.variables.iter().position(parameter) else {
+            return Err(StartError::Unknown { name: name.to_owned(), near: self.parameters_near(name) });
+        };
+        let variable = &mut self.variables[place];
         let wrong = |wanted| StartError::Value { name: name.to_owned(), value: text.to_owned(), wanted };
         variable.start_with(variable.value_of(text).map_err(wrong)?);
         Ok(variable)

@@ -18,7 +18,7 @@ mod truck_rfl_mpc;
 
 pub use controller::{ControllerFmu, ControllerInput, ControllerUnit, DEFAULT_PATH, MODELS, ParameterValues};
 pub use passenger_car::PassengerCar;
-pub use plant::{ExtraOutput, PlantFmu, PlantUnit, SignalOutput};
+pub use plant::{ExtraOutput, INITIAL, PlantFmu, PlantUnit, SignalOutput};
 pub use rfl_mpc::RflMpc;
 pub use semi_trailer_truck::SemiTrailerTruck;
 pub use truck_rfl_mpc::TruckRflMpc;

@@ -9,6 +9,7 @@ use crate::fmi::{
     Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Seconds, Severity, Values,
     Variable, VariableKind, Vr,
 };
+use crate::parameter::Parameter;
 use crate::path::Path;
 use crate::signal::{self, Signal, Unit};
 use crate::vehicle::{Effect, PlantStepError, RestoreError, VehicleInput, VehicleParameters, WheelOutput};
@@ -19,6 +20,19 @@ const LOG_CATEGORIES: &[LogCategory] =
     &[LogCategory { name: LOG, description: "The vehicle: files read, values in effect, status changes" }];
 
 type OfWheel = fn(&WheelOutput) -> f64;
+
+/// Pose and speed at the start: a vehicle's parameters beside those of its file.
+pub const INITIAL: [Parameter; 4] = {
+    const fn initial(name: &'static str, unit: Unit, most: f64, meaning: &'static str) -> Parameter {
+        Parameter { name, unit, default: 0.0, min: -most, max: most, integer: false, choices: None, meaning }
+    }
+    [
+        initial("initial.x", Unit::METRE, f64::INFINITY, "East position at the start"),
+        initial("initial.y", Unit::METRE, f64::INFINITY, "North position at the start"),
+        initial("initial.yaw", Unit::RADIAN, f64::INFINITY, "Yaw angle at the start"),
+        initial("initial.vx", Unit::METRE_PER_SECOND, 60.0, "Speed at the start"),
+    ]
+};
 
 const OF_WHEELS: &[(&str, Unit, &str, OfWheel)] = &[
     ("load", Unit::NEWTON, "Load", |wheel| wheel.load),
@@ -178,13 +192,10 @@ fn declare<P: PlantUnit>() -> (Declaration, References) {
         "road_file",
         "Road with bank, grade and friction (path CSV), absolute or in resources/; empty: level road",
     ));
-    let initial = d.add(Variable::parameter("initial.x", Unit::METRE, 0.0, "East position at the start"));
-    d.add(Variable::parameter("initial.y", Unit::METRE, 0.0, "North position at the start"));
-    d.add(Variable::parameter("initial.yaw", Unit::RADIAN, 0.0, "Yaw angle at the start"));
-    d.add(
-        Variable::parameter("initial.vx", Unit::METRE_PER_SECOND, 0.0, "Speed at the start")
-            .range(-60.0, 60.0),
-    );
+    let [initial, ..] = INITIAL.map(|Parameter { name, unit, default, min, max, meaning, .. }| {
+        let variable = Variable::parameter(name, unit, default, meaning);
+        d.add(if min.is_finite() { variable.range(min, max) } else { variable })
+    });
 
     let default = default_of::<P>();
     let parameters = d.variables.len();

@@ -169,13 +169,21 @@ impl Ending {
         let LaneLimits { lateral_error, heading_error } = self.limits;
         if at.lateral_error.abs() > lateral_error {
             let side = if at.lateral_error > 0.0 { "left" } else { "right" };
-            format!("{:.2} m {side} of its path, beyond the lane's {lateral_error} m", at.lateral_error.abs())
+            let far = beyond(at.lateral_error.abs(), lateral_error);
+            format!("{far} m {side} of its path, beyond the lane's {lateral_error} m")
         } else if at.heading_error.abs() > heading_error {
             format!("turned by {:.2} rad from its path, beyond {heading_error} rad", at.heading_error.abs())
         } else {
             "back beyond the start of its road".to_owned()
         }
     }
+}
+
+/// A value in so many digits, two at least, that it shows to be beyond the limit.
+fn beyond(value: f64, limit: f64) -> String {
+    let mut written = (2..15).map(|digits| format!("{value:.digits$}"));
+    let shown = |text: &String| text.parse::<f64>().is_ok_and(|read| read > limit);
+    written.find(shown).unwrap_or_else(|| value.to_string())
 }
 
 /// Watches a drive: the true place at each communication point, and the outcome.

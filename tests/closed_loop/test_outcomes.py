@@ -17,12 +17,15 @@ from outcome import (
     LOST,
     STOPPED,
     TIMED_OUT,
+    Check,
     Place,
     Referee,
     Requirement,
+    beyond,
     check_files,
     exit_status,
     figures_help,
+    write_junit,
     write_whole,
 )
 
@@ -93,6 +96,33 @@ def test_a_file_is_not_written_twice_nor_over_one_that_is_read(tmp_path):
             check_files({"--log": file}, read)
     with pytest.raises(ValueError, match="--log and --json are one file"):
         check_files({"--log": log, "--json": tmp_path / "x" / ".." / "log.csv"}, read)
+
+
+def test_the_tyres_of_a_vehicle_are_not_written_over(tmp_path):
+    vehicle, tyre = tmp_path / "car.toml", tmp_path / "tyres" / "a.tir"
+    tyre.parent.mkdir()
+    tyre.write_text("")
+    vehicle.write_text("[tyre.front]\n  file = 'tyres/a.tir'\n")
+    read = {"--path": None, "--vehicle": str(vehicle)}
+    check_files({"--log": tmp_path / "tyres" / "b.tir"}, read)
+    with pytest.raises(ValueError, match="is read with --vehicle"):
+        check_files({"--json": tyre}, read)
+    with pytest.raises(ValueError, match="name a file"):
+        check_files({"--log": Path("-")}, read)
+
+
+def test_a_junit_file_is_well_formed_and_tells_errors_from_failures(tmp_path):
+    file = tmp_path / "drive.xml"
+    checks = [Check("outcome", False, "no \x1broad\x00 <&> \udcff\uffff", error=True), Check("max_e1=1", False, "2")]
+    write_junit(file, "suite", [("a\x07b", 1.0, checks)])
+    suite = ET.parse(file).getroot()[0]
+    assert (suite.get("failures"), suite.get("errors")) == ("1", "1")
+    assert suite[0].get("classname") == "a\ufffdb" and suite[0].find("error") is not None
+    assert "road\ufffd <&> \ufffd\ufffd" in suite[0].find("error").text
+
+
+def test_a_place_off_the_lane_is_said_in_enough_digits():
+    assert [beyond(*of) for of in ((2.5, 2.0), (0.0042, 0.001), (2.0001, 2.0))] == ["2.50", "0.004", "2.0001"]
 
 
 def test_figures_are_those_of_the_program(rfl):

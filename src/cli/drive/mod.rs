@@ -21,10 +21,10 @@ pub(super) use setup::{Setup, number, setting};
 use stepwise::Steps;
 pub use stepwise::Stepwise;
 
-use super::files::{check_files, given};
+use super::files::{Named, check_files, given};
 use super::logs::LimitArgs;
 use super::progress_bar;
-use super::require::{Requirement, figures_help};
+use super::require::{Check, Requirement, figures_help, write_junit};
 use super::vehicle::{Commanded, VehicleLinearModel, by_kind};
 use crate::control::{ControlVariant, ControllerFile, ControllerFor, PredictionModelFor};
 use crate::path::{PathOptions, Smoothing};
@@ -36,7 +36,7 @@ use sample_time::{keep_up_with, warn_of_long_steps};
 use serde_json::Value;
 use setup::Initial;
 use std::error::Error;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Drives a car or a truck along a road with the MPC, natively, and says how well it tracked.
 #[derive(Debug, Clone, Args)]
@@ -81,6 +81,9 @@ pub struct DriveArgs {
     /// File for the outcome and the requirements as test cases (JUnit XML)
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
+    /// Class of the test cases in the JUnit file [default: rfl.drive.VEHICLE.ROAD, files with their folder]
+    #[arg(long, value_name = "NAME", requires = "junit")]
+    junit_name: Option<String>,
     #[command(flatten)]
     model: ModelArgs,
     /// No progress
@@ -103,7 +106,8 @@ fn after_help() -> String {
 
 Exit status: 0 completed, or on the road when the --duration given was over; 1 bad input or a failure; 2 wrong usage;
 3 stopped before the road's end; 4 lost: off its lane, rolled over, jack-knifed, or it could not be driven on;
-5 timed out after {LONGEST} s; 6 a requirement is not met. An outcome that --require outcome=... asks for is 0. Log, JSON and JUnit file are written in each case from 3 on.",
+5 timed out after {LONGEST} s; 6 a requirement is not met. An outcome that --require outcome=... asks for is 0. Log, JSON and JUnit file are written in each case from 3 on; with
+1 the JUnit file says the error.",
         figures_help()
     )
 }
@@ -156,16 +160,53 @@ impl DriveArgs {
 
     /// Checks the files that are written.
     fn check_files(&self) -> Result<(), Box<dyn Error>> {
-        let vehicle = Some(PathBuf::from(&self.vehicle));
-        check_files(
-            &given([("--log", &self.log), ("--json", &self.json), ("--junit", &self.junit)]),
-            &given([
-                ("--path", &self.path),
-                ("--controller", &self.controller),
-                ("--residual", self.model.file()),
-                ("--vehicle", &vehicle),
-            ]),
-        )
+        let junit = given([("--junit", &self.junit)]);
+        let results = given([("--log", &self.log), ("--json", &self.json)]);
+        let read = self.read();
+        let fault = check_files(&[&results[..], &junit].concat(), &read).err();
+        // Only a file that is no other is one that may say so.
+        if let Some(fault) = &fault
+            && check_files(&junit, &[&results[..], &read].concat()).is_ok()
+        {
+            self.report_error(fault.as_ref());
+        }
+        fault.map_or(Ok(()), Err)
+    }
+
+    /// The files that are read.
+    fn read(&self) -> Vec<Named<&Path>> {
+        let mut read = given([("--path", &self.path), ("--controller", &self.controller)]);
+        read.extend(self.model.files());
+        read.push(("--vehicle", Path::new(&self.vehicle)));
+        read
+    }
+
+    /// Class of the test cases: drives of other vehicles or roads have others.
+    fn junit_class(&self) -> String {
+        let of_file = |file: &Path| {
+            let folder =
+                file.parent().and_then(Path::file_name).map(|name| format!("{}.", name.to_string_lossy()));
+            format!(
+                "{}{}",
+                folder.unwrap_or_default(),
+                file.file_stem().unwrap_or_default().to_string_lossy()
+            )
+        };
+        self.junit_name.clone().unwrap_or_else(|| {
+            let road = self.path.as_deref().map_or("test_route".to_owned(), of_file);
+            format!("rfl.drive.{}.{road}", of_file(Path::new(&self.vehicle)))
+        })
+    }
+
+    /// Writes the JUnit file of a drive that is none: an older one would say how another drive went.
+    fn report_error(&self, error: &dyn Error) {
+        if let Some(file) = &self.junit {
+            let written =
+                write_junit(file, "rfl drive", &self.junit_class(), 0.0, &[Check::error(error.to_string())]);
+            if let Err(error) = written {
+                warn!("error: {error}");
+            }
+        }
     }
 }
 
@@ -182,9 +223,9 @@ pub fn run(args: &DriveArgs) -> Result<u8, Box<dyn Error>> {
 /// # Errors
 /// As [`run`].
 pub fn driven(args: &DriveArgs) -> Result<DriveResult, Box<dyn Error>> {
-    args.check_numbers()?;
     args.check_files()?;
-    by_kind!(&args.vehicle, drive(args))
+    let driven = args.check_numbers().map_err(Into::into).and_then(|()| by_kind!(&args.vehicle, drive(args)));
+    driven.inspect_err(|error| args.report_error(error.as_ref()))
 }
 
 /// The controller that the command drives with.

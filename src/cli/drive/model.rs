@@ -1,5 +1,6 @@
 //! The prediction model of the controller, from the command line: a variant, and what was learned for it.
 
+use super::super::files::Named;
 use super::super::named;
 use crate::control::{
     Choice, ControlVariant, ControlledParameters, ControllerParametersFor, PredictionModelFor, Propagation,
@@ -7,7 +8,7 @@ use crate::control::{
 };
 use clap::Args;
 use std::error::Error;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Prediction model of the controller: the same words as the FMU's.
 #[derive(Debug, Clone, Args)]
@@ -56,8 +57,11 @@ impl ModelArgs {
         Ok(choice.prediction_model(parameters)?)
     }
 
-    /// The file of the model, if it is named.
-    pub fn file(&self) -> &Option<PathBuf> {
-        &self.residual
+    /// The files that a model is read from, with their options: the one that is named, or a folder.
+    pub fn files(&self) -> Vec<Named<&Path>> {
+        vec![match &self.residual {
+            Some(file) => ("--residual", file),
+            None => ("--models", &self.models),
+        }]
     }
 }

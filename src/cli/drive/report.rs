@@ -1,7 +1,7 @@
 //! Report of a drive: its figures and checks, on the terminal, in files, and as an exit status.
 
 use super::super::output::{write_file, write_json};
-use super::super::require::{Check, Figures, write_junit};
+use super::super::require::{Check, CheckKind, Figures, write_junit};
 use super::{DriveArgs, DriveResult};
 use crate::control::{ControlVariant, KnownActuator};
 use crate::path::RoadClass;
@@ -59,6 +59,7 @@ impl DriveReport {
         let mut checks = vec![Check {
             name: "outcome".to_owned(),
             met: status(outcome, cut, asked, true) == 0,
+            kind: CheckKind::Requirement,
             words: format!("{}: {}", outcome.name(), drive.ending.reason()),
         }];
         checks.extend(required);
@@ -90,11 +91,9 @@ impl DriveReport {
         let report = self.json(drive);
         let log = args.log.as_ref().map(|file| write_file(file, |to| Ok(drive.write_csv(to)?)));
         let json = args.json.as_ref().map(|file| write_json(file, &report));
-        let class = args.path.as_deref().and_then(std::path::Path::file_stem);
-        let class = class.map_or("test_route".into(), |stem| stem.to_string_lossy());
-        let junit = args.junit.as_ref().map(|file| {
-            write_junit(file, "rfl drive", &format!("rfl.drive.{class}"), self.wall, &self.checks)
-        });
+        let class = args.junit_class();
+        let junit =
+            args.junit.as_ref().map(|file| write_junit(file, "rfl drive", &class, self.wall, &self.checks));
         self.print(drive, args);
         for written in [log, json, junit].into_iter().flatten() {
             written?;

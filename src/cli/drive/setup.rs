@@ -2,6 +2,7 @@
 
 use super::super::vehicle::{VehicleLinearModel, vehicle_named};
 use crate::control::{ControllerFor, ControllerParametersFor, PredictionModelFor};
+use crate::fmu::INITIAL;
 use crate::parameter::{NoValue, Parameter};
 use crate::path::sudoku::Route;
 use crate::path::{Path, PathOptions};
@@ -85,24 +86,26 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
         if found {
             return Ok(());
         }
+        if INITIAL.iter().any(|initial| initial.name == name) {
+            return Err(
+                format!("--set {text}: only 'rfl drive' takes another start ({name}); leave it out").into()
+            );
+        }
         Err(format!("--set {text}: there is no number '{name}' to set; 'rfl parameters' lists all").into())
     }
 }
 
-/// Pose and speed at the start as set, in the order of [`Initial::NAMES`]; where not set, those of the road.
+/// Pose and speed at the start as set, in the order of [`INITIAL`]; where not set, those of the road.
 pub(super) struct Initial(pub [Option<f64>; 4]);
 
 impl Initial {
-    /// Names of the numbers, as the FMUs have them.
-    const NAMES: [&str; 4] = ["initial.x", "initial.y", "initial.yaw", "initial.vx"];
-
     /// Takes its settings out of all; `kind` is the word for the vehicle that may stand before a name.
     pub fn take(settings: &mut Vec<String>, kind: &str) -> Result<Self, Box<dyn Error>> {
         let mut all = Self([None; 4]);
         for text in std::mem::take(settings) {
             let named = setting(&text).ok().and_then(|(name, value)| {
                 let own = name.strip_prefix(kind).and_then(|rest| rest.strip_prefix('.')).unwrap_or(name);
-                Some((Self::NAMES.iter().position(|known| *known == own)?, value))
+                Some((INITIAL.iter().position(|known| known.name == own)?, value))
             });
             let Some((place, value)) = named else {
                 settings.push(text);
@@ -112,6 +115,7 @@ impl Initial {
             if !value.is_finite() {
                 return Err(format!("--set {text}: a finite number is needed").into());
             }
+            INITIAL[place].check(value).map_err(|error| format!("--set {text}: {error}"))?;
             all.0[place] = Some(value);
         }
         Ok(all)

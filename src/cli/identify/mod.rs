@@ -14,7 +14,7 @@ mod step;
 
 use super::diagnose::steady_steering;
 use super::drive::Setup;
-use super::files::{check_files, given};
+use super::files::{check_files, files_behind, given};
 use super::logs::{LogArgs, ReadsLogs};
 use super::output::write_json;
 use super::vehicle::{Commanded, by_kind};
@@ -132,7 +132,10 @@ pub fn identified(args: &IdentifyArgs) -> Result<Value, Box<dyn Error>> {
     let vehicle = args.vehicle.as_ref().map(PathBuf::from);
     // A vehicle's file may be completed in its place.
     let results = given([("--record", &args.record), ("--json", &args.json)]);
-    check_files(&results, &given([("--vehicle", &vehicle)]))?;
+    check_files(&results, &given([("--vehicle", &vehicle), ("--into", &args.into)]))?;
+    let tyres = vehicle.iter().chain(&args.into).flat_map(|file| files_behind(file));
+    let tyres: Vec<_> = tyres.map(|file| ("the vehicle", file)).collect();
+    check_files(&given([("--into", &args.into)]), &tyres)?;
     let into = args.into.as_ref().filter(|file| file.exists());
     let name = match (&args.vehicle, into) {
         (Some(name), _) => name.clone(),

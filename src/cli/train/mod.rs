@@ -173,6 +173,10 @@ where
     read.extend(args.path.clone().map(|file| ("--path", file)));
     read.push(("--vehicle", PathBuf::from(&args.vehicle)));
     check_files(&written, &read)?;
+    let idle = args.all.is_none().then(|| args.tuning.without_effect(args.kind)).unwrap_or_default();
+    if !idle.is_empty() {
+        warn!("note: {} has no {}: without effect", args.kind.name(), idle.join(", "));
+    }
     let parameters = controller::<P, S, C>(args)?;
     let logs = TrainLogs::<P, S, C>::read(args, &parameters)?;
     let _held = args.all.as_deref().map(hold_folder).transpose()?;

@@ -1,6 +1,7 @@
 //! Settings of the training as a user gives them, and the configuration of each kind that they make.
 
 use super::super::named;
+use crate::control::ControlVariant;
 use crate::residual::gp::GpConfig;
 use crate::residual::{CommandPrior, Kind, LambdaChoice, TrainConfig, TreeFeatures};
 use clap::Args;
@@ -47,12 +48,12 @@ pub(super) struct TrainSettings {
     /// So many of the newest error states in linear leaves, too: they fit better, and suffer from sensor noise
     #[arg(long, value_name = "N", default_value_t = 0)]
     state_regressors: usize,
-    /// Most points of a Gaussian process (gp_nmpc)
-    #[arg(long, value_name = "N", default_value_t = 300)]
-    points: usize,
-    /// Samples that the hyperparameters of a Gaussian process are fitted on: time grows with their cube (gp_nmpc)
-    #[arg(long, value_name = "N", default_value_t = 400)]
-    hyperparameter_samples: usize,
+    /// Most points of a Gaussian process (gp_nmpc) [default: 300]
+    #[arg(long, value_name = "N")]
+    points: Option<usize>,
+    /// Samples that the hyperparameters of a Gaussian process are fitted on: time grows with their cube (gp_nmpc) [default: 400]
+    #[arg(long, value_name = "N")]
+    hyperparameter_samples: Option<usize>,
     /// Seed of all that is random
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -81,6 +82,27 @@ fn lambda(text: &str) -> Result<Lambda, String> {
 }
 
 impl TrainSettings {
+    /// The options given that a kind does not have.
+    pub fn without_effect(&self, variant: ControlVariant) -> Vec<&'static str> {
+        let is = |of: fn(Kind) -> bool| variant.residual().is_some_and(of);
+        let (forest, trees, linear) = (is(Kind::is_forest), is(Kind::has_trees), is(Kind::is_linear));
+        let process = variant == ControlVariant::GpNmpc;
+        let options = [
+            ("--trees", self.trees.is_some(), forest),
+            ("--features-per-split", self.features_per_split.is_some(), forest),
+            ("--depth", self.depth.is_some(), trees),
+            ("--min-leaf", self.min_leaf.is_some(), trees),
+            ("--tree-features", self.tree_features.is_some(), trees),
+            ("--lambda", self.lambda != Lambda::HeldOut, linear),
+            ("--prefilter", self.prefilter.is_some(), linear),
+            ("--road-regressors", self.road_regressors, linear),
+            ("--state-regressors", self.state_regressors > 0, linear),
+            ("--points", self.points.is_some(), process),
+            ("--hyperparameter-samples", self.hyperparameter_samples.is_some(), process),
+        ];
+        options.into_iter().filter(|(_, given, has)| *given && !has).map(|(name, ..)| name).collect()
+    }
+
     /// The configuration for a kind. For all kinds at once, each takes only the settings that it has.
     pub fn config(&self, kind: Kind, all: bool, window: usize, prior: Option<CommandPrior>) -> TrainConfig {
         let mut config = TrainConfig::new(kind);
@@ -110,7 +132,9 @@ impl TrainSettings {
 
     /// The configuration of a Gaussian process for a controller that counts on this friction.
     pub fn gp_config(&self, friction: f64) -> GpConfig {
-        let Self { points, hyperparameter_samples, seed, threads, .. } = *self;
+        let (points, hyperparameter_samples) =
+            (self.points.unwrap_or(300), self.hyperparameter_samples.unwrap_or(400));
+        let Self { seed, threads, .. } = *self;
         GpConfig { friction, points, hyperparameter_samples, seed, threads, ..GpConfig::default() }
     }
 }

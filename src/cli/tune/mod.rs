@@ -148,11 +148,9 @@ where
     let tuning = TuneData::<P, S, C>::new(args)?;
     let training = tuning.ensemble(args.scenarios, Purpose::Training, args.seed)?;
     let vehicle = Some(PathBuf::from(&args.vehicle));
-    check_folder(
-        &args.out,
-        &["controller.toml", "tune.json", "tune.html"],
-        &given([("--path", &args.path), ("--vehicle", &vehicle), ("--residual", args.model.file())]),
-    )?;
+    let mut read = given([("--path", &args.path), ("--vehicle", &vehicle)]);
+    read.extend(args.model.files());
+    check_folder(&args.out, &["controller.toml", "tune.json", "tune.html"], &read)?;
     let _held = hold_folder(&args.out)?;
     let default = ControllerNumbers::of(&tuning.controlled.0, &standard_axes());
     let (found, trace) = tuning.search(&training, &default)?;
