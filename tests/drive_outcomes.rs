@@ -201,6 +201,103 @@ fn files_that_are_one_are_refused_before_anything_is_driven() {
 }
 
 #[test]
+fn tyres_and_models_that_are_read_are_not_written_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::create_dir_all(at("v/tyres")).unwrap();
+    std::fs::create_dir_all(at("m")).unwrap();
+    let vehicles = Path::new(env!("CARGO_MANIFEST_DIR")).join("vehicles");
+    for (file, to) in [("c_class.toml", "v/car.toml"), ("tyres/c_class.tir", "v/tyres/c_class.tir")] {
+        std::fs::copy(vehicles.join(file), at(to)).unwrap();
+    }
+    std::fs::write(at("m/rfl.rflm"), "a model").unwrap();
+    let tyre = std::fs::read(at("v/tyres/c_class.tir")).unwrap();
+    let (tir, road) = ("v/tyres/c_class.tir", road());
+    for words in [
+        &["drive", "--quiet", "--path", &road, "--vehicle", "v/car.toml", "--json", tir][..],
+        &["drive", "--quiet", "--path", &road, "--variant", "rfl", "--models", "m", "--log", "m/rfl.rflm"],
+        &["train", &road, "--vehicle", "v/car.toml", "--json", tir],
+        &["identify", &road, "--vehicle", "v/car.toml", "--json", tir],
+        &["identify", &road, "--vehicle", "v/car.toml", "--into", tir],
+    ] {
+        let refusal = refused(&rfl(folder.path(), words));
+        assert!(refusal.contains("would be written over"), "{words:?}: {refusal}");
+    }
+    assert!(
+        std::fs::read(at(tir)).unwrap() == tyre && std::fs::read(at("m/rfl.rflm")).unwrap() == b"a model"
+    );
+}
+
+#[test]
+fn a_drive_that_could_not_be_made_is_an_error_in_the_junit_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let xml = || std::fs::read_to_string(at("s.xml")).unwrap();
+    let road = road();
+    let short = ["drive", "--quiet", "--duration", "0.1", "--junit", "s.xml"];
+    let run = |more: &[&str]| rfl(folder.path(), &[&short[..], more].concat());
+    assert_eq!(run(&["--path", &road]).status.code(), Some(0));
+    // The class names vehicle and road, the folder of a file with it.
+    assert!(xml().contains("classname=\"rfl.drive.c_class.paths.sudoku_turns\""), "{}", xml());
+    for (more, words) in [
+        (&["--path", "none.csv"][..], "none.csv"),
+        (&["--path", &road, "--step", "9"], "--step 9"),
+        (&["--path", &road, "--log", "x", "--json", "x"], "--log and --json are one file"),
+    ] {
+        std::fs::write(at("s.xml"), "failures=\"0\"").unwrap();
+        refused(&run(more));
+        assert!(xml().contains("failures=\"0\" errors=\"1\"") && xml().contains("<error "), "{}", xml());
+        assert!(xml().contains(words), "{}", xml());
+    }
+    assert_eq!(run(&["--path", &road, "--junit-name", "mine"]).status.code(), Some(0));
+    assert!(xml().contains("classname=\"mine\"") && xml().contains("errors=\"0\""), "{}", xml());
+    // What is a file of another option keeps its content.
+    std::fs::write(at("road.csv"), "x,y\n0,0\n").unwrap();
+    refused(&rfl(folder.path(), &["drive", "--quiet", "--path", "road.csv", "--junit", "road.csv"]));
+    assert_eq!(std::fs::read_to_string(at("road.csv")).unwrap(), "x,y\n0,0\n");
+}
+
+#[test]
+fn a_start_is_within_its_declared_range() {
+    let folder = tempfile::tempdir().unwrap();
+    for (setting, words) in [
+        ("initial.vx=61", "initial.vx = 61 m/s is outside its range [-60, 60]"),
+        ("car.initial.vx=-100", "outside its range [-60, 60]"),
+        ("initial.yaw=nan", "a finite number is needed"),
+    ] {
+        let refusal = refused(&rfl(folder.path(), &["drive", "--quiet", "--set", setting]));
+        assert!(refusal.contains(words), "{refusal}");
+    }
+    let refusal = refused(&rfl(folder.path(), &["collect", "--quiet", "--set", "initial.y=50"]));
+    assert!(refusal.contains("only 'rfl drive' takes another start"), "{refusal}");
+}
+
+#[test]
+fn numbers_with_a_unit_and_a_file_named_by_a_dash_are_refused_in_words() {
+    let folder = tempfile::tempdir().unwrap();
+    for (words, said) in [
+        (
+            &["drive", "--step", "0.02s"][..],
+            "'0.02s' is not a number without a unit: Communication step in s",
+        ),
+        (&["train", "log.csv", "--seed", "-1"], "'-1' is not a whole number from 0 on"),
+    ] {
+        let output = rfl(folder.path(), words);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(text(&output.stderr).contains(said), "{}", text(&output.stderr));
+    }
+    for words in [&["drive", "--quiet", "--log", "-"][..], &["collect", "--quiet", "--out", "-"]] {
+        let refusal = refused(&rfl(folder.path(), words));
+        assert!(refusal.contains("name a file"), "{refusal}");
+    }
+    assert!(!folder.path().join("-").exists());
+    assert_eq!(
+        rfl(folder.path(), &["course", "--route", "hairpin_circuit", "--out", "-"]).status.code(),
+        Some(0)
+    );
+}
+
+#[test]
 fn a_duration_that_was_asked_for_is_no_failure() {
     let folder = tempfile::tempdir().unwrap();
     let (status, said, json) = drive(folder.path(), &["--duration", "2"]);

@@ -90,6 +90,7 @@ def drive(
     log: File | None = None,
     json: File | None = None,
     junit: File | None = None,
+    junit_name: str | None = None,
     progress: Progress | None = None,
 ) -> Drive:
     """Drives a vehicle along a road with the MPC.
@@ -122,6 +123,8 @@ def drive(
         Figures that must be met, such as ``"max_e1<=0.5"``; see :attr:`Drive.requirements`.
     log, json, junit
         Files to write beside: log (CSV), results (JSON), outcome and requirements (JUnit XML).
+    junit_name
+        Class of the JUnit file's test cases, in place of one of vehicle and road.
 
     Returns
     -------
@@ -132,7 +135,7 @@ def drive(
     options = words(
         path=path, vehicle=vehicle, set=set, duration=duration, step=step, lane=lane, smooth=smooth,
         controller=controller, variant=variant, residual=residual, models=models, direct=direct, require=require,
-        log=log, json=json, junit=junit,
+        log=log, json=json, junit=junit, junit_name=junit_name,
     )  # fmt: skip
     (report, (columns, statuses)), text = call(_native.drive, options, progress=progress)
     return Drive.of(report, text, columns, statuses)

@@ -295,6 +295,13 @@ mod tests {
     use super::*;
     use crate::path::{Closure, Sample};
 
+    #[test]
+    fn a_place_off_the_lane_is_said_in_enough_digits() {
+        for (value, limit, said) in [(2.5, 2.0, "2.50"), (0.0042, 0.001, "0.004"), (2.0001, 2.0, "2.0001")] {
+            assert_eq!(beyond(value, limit), said);
+        }
+    }
+
     /// A straight of 100 m along the x axis.
     fn straight() -> Path {
         let samples = (0..=50).map(|k| Sample { x: 2.0 * f64::from(k), y: 0.0, ..Sample::default() });

@@ -128,7 +128,6 @@ pub fn identified(args: &IdentifyArgs) -> Result<Value, Box<dyn Error>> {
     let written = given([("--into", &args.into), ("--record", &args.record), ("--json", &args.json)]);
     let logs: Vec<_> = args.logs.iter().map(|log| ("LOG", log)).collect();
     check_files(&written, &logs)?;
-    args.into.as_deref().map(into::target_of).transpose()?;
     let vehicle = args.vehicle.as_ref().map(PathBuf::from);
     // A vehicle's file may be completed in its place.
     let results = given([("--record", &args.record), ("--json", &args.json)]);
@@ -136,6 +135,7 @@ pub fn identified(args: &IdentifyArgs) -> Result<Value, Box<dyn Error>> {
     let tyres = vehicle.iter().chain(&args.into).flat_map(|file| files_behind(file));
     let tyres: Vec<_> = tyres.map(|file| ("the vehicle", file)).collect();
     check_files(&given([("--into", &args.into)]), &tyres)?;
+    args.into.as_deref().map(into::target_of).transpose()?;
     let into = args.into.as_ref().filter(|file| file.exists());
     let name = match (&args.vehicle, into) {
         (Some(name), _) => name.clone(),

@@ -138,3 +138,24 @@ impl TrainSettings {
         GpConfig { friction, points, hyperparameter_samples, seed, threads, ..GpConfig::default() }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::FromArgMatches as _;
+
+    #[test]
+    fn options_that_a_kind_does_not_have_are_named() {
+        let read = TrainSettings::augment_args(clap::Command::new("train").no_binary_name(true))
+            .get_matches_from(["--trees", "5", "--depth", "2", "--lambda", "1", "--points", "9"]);
+        let settings = TrainSettings::from_arg_matches(&read).unwrap();
+        for (kind, idle) in [
+            (ControlVariant::Linear, &["--trees", "--depth", "--points"][..]),
+            (ControlVariant::Rt, &["--trees", "--lambda", "--points"]),
+            (ControlVariant::RflS, &["--points"]),
+            (ControlVariant::GpNmpc, &["--trees", "--depth", "--lambda"]),
+        ] {
+            assert_eq!(settings.without_effect(kind), idle);
+        }
+    }
+}
