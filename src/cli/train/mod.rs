@@ -173,7 +173,7 @@ where
     read.extend(args.path.clone().map(|file| ("--path", file)));
     read.push(("--vehicle", PathBuf::from(&args.vehicle)));
     check_files(&written, &read)?;
-    let idle = args.all.is_none().then(|| args.tuning.without_effect(args.kind)).unwrap_or_default();
+    let idle = if args.all.is_none() { args.tuning.without_effect(args.kind) } else { Vec::new() };
     if !idle.is_empty() {
         warn!("note: {} has no {}: without effect", args.kind.name(), idle.join(", "));
     }
