@@ -12,15 +12,17 @@ fn said(arguments: &[&str]) -> (Option<i32>, String) {
 
 #[test]
 fn a_negative_number_is_a_value() {
-    for (arguments, words) in [
-        (&["collect", "--runs", "-1"][..], "'-1' for '--runs"),
-        (&["tune", "--budget", "-3"], "'-3' for '--budget"),
-        (&["evaluate", "--seeds", "-2"], "'-2' for '--seeds"),
-        (&["diagnose", "log.csv", "--rate", "-50"], "'-50' for '--rate"),
-        (&["train", "log.csv", "--lambda", "-1"], "'-1' for '--lambda"),
+    for arguments in [
+        &["collect", "--runs", "-1"][..],
+        &["tune", "--budget", "-3"],
+        &["evaluate", "--seeds", "-2"],
+        &["diagnose", "log.csv", "--rate", "-50"],
+        &["train", "log.csv", "--lambda", "-1"],
     ] {
         let (status, error) = said(arguments);
-        assert!(status == Some(2) && error.contains(words), "{arguments:?}: {error}");
+        let [.., option, value] = arguments else { unreachable!() };
+        let line = error.lines().find(|line| line.contains(&format!("'{value}'"))).unwrap_or_default();
+        assert!(status == Some(2) && line.contains(option), "{arguments:?}: {error}");
     }
     // Where it has a meaning it is taken.
     assert_eq!(said(&["identify", "--step", "-0.02"]).0, Some(0));

@@ -50,6 +50,7 @@ mod drive_slippery;
 mod drive_table;
 mod drive_told_road;
 mod drive_weak_brakes;
+mod evaluate_results;
 mod experiment;
 mod extend;
 mod fmi3_instances;

@@ -10,7 +10,7 @@ use rfl_mpc::simulate::experiment::{
     TRUCK_PLANTS, TableRow, TestPlant, TrialFor,
 };
 use rfl_mpc::vehicle::{Truck, TruckParameters, builtin_truck};
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, LazyLock, Mutex};
 
 static TRUCK: LazyLock<TruckParameters> = LazyLock::new(|| builtin_truck("truck_simulation").unwrap());
 
@@ -53,7 +53,11 @@ fn collected<'a>(name: &str, roads: &'a Roads, threads: usize) -> TruckCompariso
 fn the_comparison_runs_and_does_not_depend_on_threads() {
     let roads = short();
     let run = |comparison: &TruckComparison<'_>| {
-        let mut condition = comparison.run(&ROWS, None, &|_| ()).unwrap();
+        let kept = Mutex::new(vec![]);
+        let keep = |so_far: &Condition| kept.lock().unwrap().push(so_far.rows.len());
+        let mut condition = comparison.run_keeping(&ROWS, None, &|_| (), &keep).unwrap();
+        // Each row is there to be kept when it is done, the nominal MPC's first.
+        assert_eq!(kept.into_inner().unwrap(), [1, 2, 3]);
         condition.effort.threads = 0;
         condition
     };
@@ -63,6 +67,7 @@ fn the_comparison_runs_and_does_not_depend_on_threads() {
     assert_eq!(condition.rows[0].row, "MPC");
     for row in &condition.rows {
         assert_eq!(row.tried.len(), 2, "{}", row.row);
+        assert!(row.tried.contains(&(row.weights, row.score)), "{}: the score is of other weights", row.row);
         let further = &row.further["truck_u_turn"][0];
         assert!(further == &row.own_best[0] && further.articulation.unwrap() > 0.1, "{}", row.row);
     }
@@ -89,7 +94,12 @@ fn the_comparison_runs_and_does_not_depend_on_threads() {
     assert!((edges[1].dead_time - 0.3 * edges[1].share).abs() < 1e-12, "{:?}", edges[1]);
 
     let text = |condition: &Condition| serde_json::to_string(condition).unwrap();
-    assert_eq!(text(&condition), text(&run(&collected("high_delay", &roads, 2))));
+    let again = collected("high_delay", &roads, 2);
+    assert_eq!(text(&condition), text(&run(&again)));
+    // A row that is run alone, later, is the same.
+    let alone = again.run(&ROWS[..1], Some(condition.rows[0].weights), &|_| ()).unwrap();
+    let row_text = |condition: &Condition, row: usize| serde_json::to_string(&condition.rows[row]).unwrap();
+    assert_eq!(row_text(&condition, 1), row_text(&alone, 0));
 }
 
 #[test]

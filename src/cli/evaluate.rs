@@ -3,13 +3,14 @@
 use super::output::{hold_folder, write_file};
 use super::progress_bar;
 use super::results_file::{self, ResultsFile};
+use super::results_table;
 use super::vehicle::{by_kind, vehicle_named};
 use crate::control::{Propagation, Residual, RollOut};
 use crate::residual::{LambdaChoice, Regressors, TrainConfig};
 use crate::simulate::DriveFor;
 use crate::simulate::experiment::{
     Compared, ComparisonFor, Condition, DriveMetrics, Edge, Effort, FitMetrics, Predictor, Roads, RowFit,
-    RowResult, SweepPoint, TableRow, TestPlant, sweep,
+    SweepPoint, TableRow, TestPlant, sweep, vehicle_digest,
 };
 use crate::vehicle::VehicleParameters as _;
 use clap::Args;
@@ -24,7 +25,7 @@ use std::sync::Arc;
 #[command(after_help = "Examples:
   rfl evaluate --quick                                     a first impression in a few minutes
   rfl evaluate --plants lag_and_dead_time --noise off      one table of the comparison
-  rfl evaluate                                             all of it: an hour on two cores; goes on where it stopped
+  rfl evaluate                                             all of it: an hour on two cores; again: goes on from the last whole row
   rfl evaluate --vehicle truck_simulation --noise off --sweep      the truck, with the sweep over dead time
   rfl evaluate --plants lag --noise off --rows NMPC,GP-NMPC        two rows more, put beside those that are there
 
@@ -66,8 +67,9 @@ pub struct EvaluateArgs {
     /// Threads; 0 for all there are
     #[arg(long, default_value_t = 0)]
     threads: usize,
-    /// Folder for the results; conditions and rows that are there already are not repeated [default: out/evaluate; of another
-    /// vehicle than the default one out/evaluate_VEHICLE]
+    /// Folder for the results. Each row is kept when it is done, and none that is there is repeated: a run that is stopped
+    /// loses the collected drives, the rows that were running, times, edges and ablations of its plant and noise [default:
+    /// out/evaluate; of another vehicle than the default one out/evaluate_VEHICLE]
     #[arg(long)]
     out: Option<PathBuf>,
     /// Put the rows of another folder's results beside those in --out, and run nothing: what was made apart
@@ -92,14 +94,6 @@ enum NoiseChoice {
     Both,
 }
 
-/// A file of results.
-#[derive(Serialize)]
-struct Results<'a> {
-    #[serde(flatten)]
-    condition: &'a Condition,
-    ablations: Vec<Ablation>,
-}
-
 /// RFL+S with one thing changed, at the weights of RFL+S.
 #[derive(Serialize)]
 struct Ablation {
@@ -122,15 +116,15 @@ fn chosen<T: Clone, N: AsRef<str> + PartialEq<String>>(
         return Ok(all.to_vec());
     }
     let known = || all.iter().map(|item| name(item).as_ref().to_owned()).collect::<Vec<_>>().join(", ");
-    names
-        .iter()
-        .map(|asked| {
-            all.iter()
-                .find(|item| name(item) == *asked)
-                .cloned()
-                .ok_or_else(|| format!("there is no {what} '{asked}'; there are {}", known()))
-        })
-        .collect()
+    let mut found: Vec<usize> = vec![];
+    for asked in names {
+        let place = all.iter().position(|item| name(item) == *asked);
+        let place = place.ok_or_else(|| format!("there is no {what} '{asked}'; there are {}", known()))?;
+        if !found.contains(&place) {
+            found.push(place);
+        }
+    }
+    Ok(found.into_iter().map(|place| all[place].clone()).collect())
 }
 
 /// Runs the command.
@@ -197,54 +191,73 @@ struct Evaluator<'a, P: Compared<S, C>, const S: usize, const C: usize> {
 }
 
 impl<P: Compared<S, C>, const S: usize, const C: usize> Evaluator<'_, P, S, C> {
-    /// Runs the rows that a condition's file lacks, and puts them there.
+    /// Runs what a condition's file lacks, and puts it there: each row when it is done, so that a run that is stopped
+    /// loses only what was running.
     fn condition(&self, plant: &TestPlant, noise: bool) -> Result<(), Box<dyn Error>> {
         let (args, setting) = (self.args, P::SETTING);
         let name = format!("{}{}", plant.name, if noise { "_noise" } else { "" });
         let file = self.out.join(format!("{name}.json"));
-        let there = ResultsFile::read(&file, self.vehicle.name(), &self.effort)?;
+        let there = ResultsFile::read(&file)?;
         if let Some(folder) = &args.join {
             return self.join(&name, &file, there, folder);
         }
-        let known: Vec<&str> = there.iter().flat_map(ResultsFile::rows).collect();
-        let rows: Vec<TableRow> =
-            self.rows.iter().copied().filter(|row| !known.contains(&row.name().as_str())).collect();
-        if there.is_some() && rows.is_empty() {
-            say!("{name}: there already ({}); delete the file to repeat it", file.display());
-            return Ok(());
+        let rows = self.missing(there.as_ref());
+        let has_base = self.rows.contains(&ABLATED) || there.as_ref().is_some_and(|there| there.has(ABLATED));
+        let ablated = there.as_ref().is_some_and(ResultsFile::has_ablations);
+        let ablates = args.ablations && !noise && has_base && !ablated;
+        let mut whole = false;
+        if let Some(there) = &there {
+            let digest = vehicle_digest(&self.vehicle);
+            there.check(
+                &ResultsFile::asked(self.vehicle.name(), &digest, &plant.name, noise, &self.effort),
+                &file,
+            )?;
+            whole = rows.is_empty() && !there.is_unfinished();
+            if whole && !ablates {
+                say!("{name}: there already ({}); delete the file to repeat it", file.display());
+                return Ok(());
+            }
+            there.check_open(&file)?;
         }
         let bar = progress_bar(&name, 3.0 * rows.len() as f64, args.quiet);
         bar.set_message(format!("{name}: collecting"));
-        let noise = noise.then_some(setting.noise);
         let roads = Roads::new(&setting, plant)?;
+        let noise = noise.then_some(setting.noise);
         let comparison =
             ComparisonFor::<P, S, C>::collect(&self.vehicle, plant, noise, &roads, self.effort.clone())?;
-        let nominal = there.as_ref().and_then(|there| there.weights(TableRow::NOMINAL));
-        let mut condition = comparison.run(&rows, nominal, &|text| {
-            bar.set_message(format!("{name}: {text}"));
-            bar.step();
-        })?;
-        let mut ablations = vec![];
-        if plant.timed {
-            bar.set_message(format!("{name}: timing"));
-            let drives = self.out.join(format!("drives_{name}"));
-            time(&comparison, &mut condition.rows, &drives)?;
+        let mut results = match there {
+            Some(there) if rows.is_empty() => there,
+            there => run_rows(&comparison, &rows, there.as_ref(), &file, &|text| {
+                bar.set_message(format!("{name}: {text}"));
+                bar.step();
+            })?,
+        };
+        if !whole {
+            if plant.timed {
+                bar.set_message(format!("{name}: timing"));
+                time(&comparison, &mut results, &self.out.join(format!("drives_{name}")))?;
+            }
+            if plant.edge {
+                bar.set_message(format!("{name}: the nominal's edge"));
+                results.set_edges(&edges(&comparison, &results)?)?;
+            }
+            results.set_unfinished(false);
+            results.write(&file)?;
         }
-        if plant.edge {
-            bar.set_message(format!("{name}: the nominal's edge"));
-            condition.edges = edges(&comparison, &condition.rows, there.as_ref())?;
-        }
-        if args.ablations && noise.is_none() {
+        if ablates {
             bar.set_message(format!("{name}: ablations"));
-            ablations = ablate(&comparison, &condition.rows)?;
+            results.set_ablations(&ablate(&comparison, &results)?)?;
+            results.write(&file)?;
         }
         bar.finish_and_clear();
-        print(&condition);
-        let results = Results { condition: &condition, ablations };
-        match there {
-            Some(there) => results_file::write(&file, &there.with(&results, setting.rows)?),
-            None => results_file::write(&file, &results),
-        }
+        results_table::print(results.value());
+        Ok(())
+    }
+
+    /// The rows that are asked for and that a file lacks.
+    fn missing(&self, there: Option<&ResultsFile>) -> Vec<TableRow> {
+        let known: Vec<&str> = there.map(ResultsFile::known).unwrap_or_default();
+        self.rows.iter().copied().filter(|row| !known.contains(&row.name().as_str())).collect()
     }
 
     /// Puts the rows of another folder's file beside those of a condition's.
@@ -255,11 +268,14 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> Evaluator<'_, P, S, C> {
         there: Option<ResultsFile>,
         folder: &Path,
     ) -> Result<(), Box<dyn Error>> {
-        let other =
-            ResultsFile::read(&folder.join(format!("{name}.json")), self.vehicle.name(), &self.effort)?;
-        if let (Some(there), Some(other)) = (there, other) {
-            results_file::write(file, &there.join(&other, P::SETTING.rows)?)?;
+        let further = folder.join(format!("{name}.json"));
+        if let (Some(there), Some(other)) = (there, ResultsFile::read(&further)?) {
+            let joined = there.join(&other, P::SETTING.rows).map_err(|error| {
+                format!("{}, and {} beside it: {error}", file.display(), further.display())
+            })?;
+            joined.write(file)?;
             say!("{name}: rows of {} put into {}", folder.display(), file.display());
+            results_table::print(joined.value());
         } else {
             say!("{name}: not in both folders; left as it is");
         }
@@ -285,17 +301,32 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> Evaluator<'_, P, S, C> {
     }
 }
 
-/// Outcomes of all rows at the nominal's edge, those that were there already too.
+/// Runs rows, and puts each into the file when it is done; gives all rows.
+fn run_rows<P: Compared<S, C>, const S: usize, const C: usize>(
+    comparison: &ComparisonFor<'_, P, S, C>,
+    rows: &[TableRow],
+    there: Option<&ResultsFile>,
+    file: &Path,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<ResultsFile, Box<dyn Error>> {
+    let put = |condition: &Condition| -> Result<ResultsFile, Box<dyn Error>> {
+        let mut results = ResultsFile::with(there, condition, P::SETTING.rows)?;
+        results.set_unfinished(true);
+        results.write(file)?;
+        Ok(results)
+    };
+    // A file that cannot be written after a row is tried again with the next one; the last must succeed.
+    let keep = |condition: &Condition| drop(put(condition));
+    let nominal = there.and_then(|there| there.weights(TableRow::NOMINAL));
+    put(&comparison.run_keeping(rows, nominal, progress, &keep)?)
+}
+
+/// Outcomes of all rows at the nominal's edge.
 fn edges<P: Compared<S, C>, const S: usize, const C: usize>(
     comparison: &ComparisonFor<'_, P, S, C>,
-    rows: &[RowResult],
-    there: Option<&ResultsFile>,
+    results: &ResultsFile,
 ) -> Result<Vec<Edge>, Box<dyn Error>> {
-    let of = |row: &TableRow| {
-        let new = rows.iter().find(|result| result.row == row.name());
-        let weights = new.map(|result| result.weights).or_else(|| there?.weights(*row));
-        weights.map(|weights| (*row, weights))
-    };
+    let of = |row: &TableRow| results.weights(*row).map(|weights| (*row, weights));
     let best: Vec<_> = P::SETTING.rows.iter().filter_map(of).collect();
     let mut edges = vec![comparison.edge_of_weights(&best)?];
     edges.extend(comparison.edge_of_delay(&best)?);
@@ -312,28 +343,31 @@ fn folder(args: &EvaluateArgs) -> PathBuf {
     })
 }
 
-/// Times each row and keeps the logs of its drives.
+/// Times each row that was not timed, and keeps the logs of its drives.
 fn time<P: Compared<S, C>, const S: usize, const C: usize>(
     comparison: &ComparisonFor<'_, P, S, C>,
-    rows: &mut [RowResult],
+    results: &mut ResultsFile,
     folder: &Path,
 ) -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(folder)?;
-    for result in rows {
-        let Some(&row) = P::SETTING.rows.iter().find(|row| row.name() == result.row) else { continue };
+    for &row in P::SETTING.rows {
+        let Some(weights) = results.weights(row).filter(|_| results.lacks_time(row)) else { continue };
         let write = |name: String, drive: &DriveFor<C>| {
             write_file(&folder.join(format!("{name}.csv")), |writer| Ok(drive.write_csv(writer)?))
         };
-        let (time, drive) = comparison.time(row, &result.weights)?;
-        result.time = Some(time);
-        write(result.row.clone(), &drive)?;
+        let (time, drive) = comparison.time(row, &weights)?;
+        results.set_time(row, &time)?;
+        write(row.name(), &drive)?;
         for (route, path) in &comparison.roads.further {
-            let drive = comparison.drive(row, &result.weights, path)?;
-            write(format!("{}_{}", route.name(), result.row), &drive)?;
+            let drive = comparison.drive(row, &weights, path)?;
+            write(format!("{}_{}", route.name(), row.name()), &drive)?;
         }
     }
     Ok(())
 }
+
+/// The row that ablations change.
+const ABLATED: TableRow = TableRow::plain(Predictor::RflS);
 
 /// A change: its name, its training, its propagation.
 type Change = (&'static str, TrainConfig, Propagation, RollOut);
@@ -375,83 +409,19 @@ fn changes(rfl_s: &TrainConfig) -> Vec<Change> {
 
 fn ablate<P: Compared<S, C>, const S: usize, const C: usize>(
     comparison: &ComparisonFor<'_, P, S, C>,
-    rows: &[RowResult],
+    results: &ResultsFile,
 ) -> Result<Vec<Ablation>, Box<dyn Error>> {
-    let base = TableRow::plain(Predictor::RflS).name();
-    let Some(result) = rows.iter().find(|result| result.row == base) else { return Ok(vec![]) };
+    let Some(weights) = results.weights(ABLATED) else { return Ok(vec![]) };
     let ablate_one = |(name, config, propagation, roll_out): Change| {
         let model = comparison.train(&config, 0)?;
         let fit = comparison.fit(&model, 0);
         let residual = Residual { model: Arc::new(model), propagation, roll_out };
-        let outcome = comparison.drive_with(residual, &result.weights)?;
+        let outcome = comparison.drive_with(residual, &weights)?;
         let RowFit { train, test, test_16_steps, .. } = fit;
         Ok(Ablation { name: name.to_string(), outcome, test, train, test_16_steps })
     };
     let rfl_s = comparison.training(Predictor::RflS);
     rfl_s.iter().flat_map(changes).map(ablate_one).collect()
-}
-
-/// Mean and standard deviation.
-fn spread(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    let values: Vec<f64> = values.collect();
-    let n = values.len().max(1) as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    (mean, variance.sqrt())
-}
-
-/// Prints a table of outcomes; `base` is the mean error that PE is measured by, not a number if there is none.
-fn print_table<'a>(title: &str, base: f64, rows: impl Iterator<Item = (&'a str, &'a [DriveMetrics])>) {
-    say!("{title:<18} {:>15} {:>8} {:>8} {:>8} {:>10}", "MAE (sd)", "RMSE", "max", "PE", "roughness");
-    for (row, outcomes) in rows {
-        let mean = |value: fn(&DriveMetrics) -> f64| spread(outcomes.iter().map(value)).0;
-        let (mae, sd) = spread(outcomes.iter().map(|outcome| outcome.tracking.mae));
-        let lost = outcomes.iter().filter(|outcome| outcome.lost).count();
-        let note =
-            if lost > 0 { format!("  diverged in {lost} of {}", outcomes.len()) } else { String::new() };
-        let cut = if base.is_nan() { "-".to_owned() } else { format!("{:.1}", 100.0 * (1.0 - mae / base)) };
-        say!(
-            "{row:<18} {:>8.2} ({:>4.2}) {:>8.2} {:>8.1} {cut:>8} {:>10.3}{note}",
-            1e3 * mae,
-            1e3 * sd,
-            1e3 * mean(|o| o.tracking.rmse),
-            1e3 * mean(|o| o.tracking.max),
-            mean(|o| o.steering.rate_rms),
-        );
-    }
-}
-
-fn mae_of(outcomes: &[DriveMetrics]) -> f64 {
-    spread(outcomes.iter().map(|outcome| outcome.tracking.mae)).0
-}
-
-fn print(condition: &Condition) {
-    let noise = if condition.noise { "with" } else { "without" };
-    let seeds = condition.effort.seeds;
-    let plural = if seeds == 1 { "" } else { "s" };
-    say!("\nplant {}, {noise} sensor noise, {seeds} seed{plural}", condition.plant);
-    say!("lateral error in mm, PE in % of the nominal MPC's mean; roughness: RMS steering rate in rad/s");
-    if !condition.left_out.is_empty() {
-        say!("left out, for there is no such model of it: {}", condition.left_out.join(", "));
-    }
-    let Some(nominal) = condition.rows.first() else { return };
-    // Rows that are put beside others come without the nominal MPC: then there is no PE.
-    let mae_of = |outcomes| if nominal.row == TableRow::NOMINAL.name() { mae_of(outcomes) } else { f64::NAN };
-    for (place, (protocol, base)) in nominal.protocols().into_iter().enumerate() {
-        let rows = condition.rows.iter().map(|row| (row.row.as_str(), row.protocols()[place].1));
-        print_table(protocol, mae_of(base), rows);
-    }
-    for (road, base) in &nominal.further {
-        let rows = condition.rows.iter().map(|row| (row.row.as_str(), row.further[road].as_slice()));
-        print_table(road, mae_of(base), rows);
-    }
-    for edge in &condition.edges {
-        let base = edge.rows.first().map_or(f64::NAN, |(_, nominal)| nominal.tracking.mae);
-        let rows = edge.rows.iter().map(|(row, outcome)| (row.as_str(), std::slice::from_ref(outcome)));
-        print_table("nominal's edge", base, rows);
-        let (percent, delay) = (100.0 * edge.share, edge.dead_time);
-        say!("  ({percent:.0} % of the way to {}; dead time {delay:.3} s)", edge.towards);
-    }
 }
 
 fn print_sweep(points: &[SweepPoint]) {

@@ -32,6 +32,7 @@ pub mod path;
 mod progress;
 mod require;
 mod results_file;
+mod results_table;
 pub mod train;
 mod train_gp;
 pub mod tune;

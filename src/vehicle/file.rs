@@ -100,7 +100,7 @@ impl VehicleKind {
 }
 
 /// Parameters of a kind of vehicle, as a file gives them.
-pub trait VehicleParameters: DeserializeOwned + Serialize + Clone + 'static {
+pub trait VehicleParameters: DeserializeOwned + Serialize + Clone + std::fmt::Debug + 'static {
     /// Every number with name, unit, range and meaning.
     const TABLE: &'static [ParameterDeclaration<Self>];
     /// Names of the built-in vehicles of this kind; the first is the default.

@@ -45,6 +45,23 @@ def test_each_plant_and_noise_is_a_task_and_its_results_lie_beside_the_others(ev
     assert "as_is: there already" in capsys.readouterr().out
 
 
+def test_what_a_run_without_dask_left_unfinished_is_gone_on_with(evaluate, tmp_path, monkeypatch):
+    def said(words):
+        if "--list" in words:
+            return "lag off\n"
+        file = Path(words[words.index("--out") + 1]) / "lag.json"
+        assert '"unfinished": true' in file.read_text()
+        (file.parent / "drives_lag").mkdir()
+        file.write_text("whole")
+        return "a table\n"
+
+    monkeypatch.setattr(evaluate, "said", said)
+    (tmp_path / "drives_lag").mkdir()
+    (tmp_path / "lag.json").write_text('{"unfinished": true}')
+    assert evaluate.main(["--dask", "local", "--out", str(tmp_path)]) == 0
+    assert (tmp_path / "lag.json").read_text() == "whole" and not list((tmp_path / "drives_lag").iterdir())
+
+
 def test_a_failure_is_one_line(evaluate, tmp_path, capsys):
     assert evaluate.main(["--dask", "local", "--plants", "nothing", "--out", str(tmp_path)]) == 1
     assert capsys.readouterr().err.startswith("error: there is no plant 'nothing'")

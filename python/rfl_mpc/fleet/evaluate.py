@@ -7,6 +7,7 @@ of the machine that the task ran on, with whatever else ran there.
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
@@ -43,6 +44,14 @@ def said(words: Sequence[str]) -> str:
     return done.stdout
 
 
+def unfinished(file: Path) -> bool:
+    """True for the results of a run without Dask that was stopped."""
+    try:
+        return json.loads(file.read_text(encoding="utf-8")).get("unfinished") is True
+    except (ValueError, AttributeError):
+        return False
+
+
 def main(words: Sequence[str]) -> int:
     """Runs ``rfl evaluate`` with ``--dask`` among its words; gives the exit status."""
     from distributed import as_completed
@@ -65,10 +74,13 @@ def main(words: Sequence[str]) -> int:
         jobs = {}
         for plant, noise in conditions:
             name = f"{plant}{'_noise' if noise == 'on' else ''}"
-            if (folder / f"{name}.json").exists():
-                print(f"{name}: there already ({folder / name}.json); delete the file to repeat it")
+            there, part = folder / f"{name}.json", folder / "parts" / name
+            if there.exists() and not unfinished(there):
+                print(f"{name}: there already ({there}); delete the file to repeat it")
                 continue
-            part = folder / "parts" / name
+            if there.exists() and not (part / there.name).exists():
+                part.mkdir(parents=True, exist_ok=True)
+                shutil.move(there, part / there.name)
             jobs[name] = [*words, "--plants", plant, "--noise", noise, "--threads", "1", "--out", str(part), "--quiet"]
         with cluster(address) as client:
             tasks = {client.submit(said, job, key=f"evaluate-{name}", pure=False): name for name, job in jobs.items()}
@@ -76,6 +88,8 @@ def main(words: Sequence[str]) -> int:
                 text, name = task.result(), tasks[task]
                 for found in (folder / "parts" / name).iterdir():
                     if not found.name.startswith("."):
+                        if found.is_dir():
+                            shutil.rmtree(folder / found.name, ignore_errors=True)
                         shutil.move(found, folder / found.name)
                 print(text, end="", flush=True)
         shutil.rmtree(folder / "parts", ignore_errors=True)

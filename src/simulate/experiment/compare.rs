@@ -16,7 +16,7 @@
 use super::learn::{RowModel, SHORT_HORIZON};
 use super::plant::TestPlant;
 use super::response::RecordedResponse;
-use super::result::{Condition, DriveMetrics, Effort, RowResult};
+use super::result::{Condition, DriveMetrics, Effort, RowResult, vehicle_digest};
 use super::roads::Roads;
 use super::row::{Predictor, TableRow};
 use super::step::SteeringStep;
@@ -244,36 +244,66 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
         known: Option<CostWeights>,
         progress: &(dyn Fn(&str) + Sync),
     ) -> Result<Condition, CompareError> {
+        self.run_keeping(rows, known, progress, &|_| ())
+    }
+
+    /// As [`Self::run`]; after each row `keep` is given what there is, in any order, by one thread at a time.
+    ///
+    /// # Errors
+    /// See [`CompareError`].
+    pub fn run_keeping(
+        &self,
+        rows: &[TableRow],
+        known: Option<CostWeights>,
+        progress: &(dyn Fn(&str) + Sync),
+        keep: &(dyn Fn(&Condition) + Sync),
+    ) -> Result<Condition, CompareError> {
         let threads = parallel::threads(self.effort.threads);
-        let (nominal, measure) = if let Some(weights) = known {
-            (None, (weights, self.pieces(&[PredictionModelFor::Nominal], &weights, threads)?.1))
+        let (others, left_out): (Vec<TableRow>, Vec<TableRow>) =
+            rows.iter().copied().filter(|row| *row != TableRow::NOMINAL).partition(|row| self.has(*row));
+        let mut condition = self.condition(&left_out)?;
+        let measure = if let Some(weights) = known {
+            (weights, self.pieces(&[PredictionModelFor::Nominal], &weights, threads)?.1)
         } else {
             let (nominal, roughness) = self.row(TableRow::NOMINAL, None, threads, progress)?;
             let measure = (nominal.weights, roughness);
-            (Some(nominal), measure)
+            condition.rows.push(nominal);
+            keep(&condition);
+            measure
         };
-        let (others, left_out): (Vec<TableRow>, Vec<TableRow>) =
-            rows.iter().copied().filter(|row| *row != TableRow::NOMINAL).partition(|row| self.has(*row));
         // Rows side by side, the slowest, at the tables' ends, first; each on one thread unless there are more than rows.
         let within = (threads / others.len().max(1)).max(1);
-        let others = parallel::map(threads, others.len(), |i| {
-            self.row(others[others.len() - 1 - i], Some(measure), within, progress).map(|(result, _)| result)
+        let kept = Mutex::new(condition);
+        let done = parallel::map(threads, others.len(), |i| {
+            let (result, _) = self.row(others[others.len() - 1 - i], Some(measure), within, progress)?;
+            let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+            kept.rows.push(result);
+            keep(&kept);
+            Ok::<_, CompareError>(())
         });
-        let others = others.into_iter().rev().collect::<Result<Vec<_>, _>>()?;
+        done.into_iter().collect::<Result<(), _>>()?;
+        let mut condition = kept.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let place = |result: &RowResult| others.iter().position(|row| row.name() == result.row);
+        condition.rows.sort_by_key(place);
+        Ok(condition)
+    }
+
+    /// All but the rows.
+    fn condition(&self, left_out: &[TableRow]) -> Result<Condition, CompareError> {
         let further = P::controller_of_the_papers(self.vehicle).vehicle.further_states();
         Ok(Condition {
             plant: self.plant.name.to_string(),
             noise: self.noise.is_some(),
             vehicle: self.vehicle.name().to_owned(),
+            vehicle_digest: vehicle_digest(self.vehicle),
             effort: self.effort.clone(),
-            rows: nominal.into_iter().chain(others).collect(),
-            left_out: left_out.into_iter().map(TableRow::name).collect(),
+            rows: vec![],
+            left_out: left_out.iter().map(|row| row.name()).collect(),
             weaker_dithers: self.weaker_dithers.clone(),
             again_dithers: self.again_dithers.clone(),
             articulation_bound: further.first().and_then(|state| state.bound).map(|bound| bound.max),
             step: self.step.clone(),
             identified: self.identified()?,
-            edges: vec![],
         })
     }
 
@@ -302,6 +332,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
         let found = search(&P::SETTING.space, self.effort.budget, 1, row.observes, known, |weights| {
             self.score(&models, weights, limit, threads).unwrap_or(f64::INFINITY)
         });
+        // Not always the candidate with the least score: see `validate`.
         let own = self.validate(&models, &found)?;
         let frozen = known.unwrap_or(own);
         progress(&format!("{name}: driving"));
@@ -332,7 +363,7 @@ impl<'a, P: Compared<S, C>, const S: usize, const C: usize> ComparisonFor<'a, P,
         let result = RowResult {
             row: name,
             weights: own,
-            score: found.score,
+            score: found.score_of(&own),
             tried: found.tried,
             own_best,
             frozen,

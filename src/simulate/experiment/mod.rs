@@ -39,7 +39,7 @@ pub use edge::Edge;
 pub use fit::{FitMetrics, steps_ahead};
 pub use learn::SHORT_HORIZON;
 pub use plant::{CAR_PLANTS, STEER_DELAY, STEER_LAG, TRUCK_PLANTS, TestPlant};
-pub use result::{Condition, DriveMetrics, Effort, RowFit, RowResult};
+pub use result::{Condition, DriveMetrics, Effort, RowFit, RowResult, vehicle_digest};
 pub use roads::Roads;
 pub use row::{CAR_ROWS, Predictor, TRUCK_ROWS, TableRow};
 pub use step::{Identified, SteeringStep};

@@ -1,11 +1,12 @@
 //! Results of a comparison, as files hold them.
 
-use super::edge::Edge;
 use super::fit::FitMetrics;
 use super::step::{Identified, SteeringStep};
 use super::weights::CostWeights;
+use crate::numerics::fnv;
 use crate::path::RoadClass;
 use crate::simulate::{DriveFor, InputMetrics, StepTimes, TrackingMetrics};
+use crate::vehicle::VehicleParameters;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -76,7 +77,8 @@ pub struct RowFit {
 pub struct RowResult {
     pub row: String,
     pub weights: CostWeights,
-    /// Score of the weights on the training pieces, m.
+    /// Score of `weights` on the training pieces, m. Another candidate's may be less: the best two are driven against each
+    /// other on the whole training route.
     pub score: f64,
     /// Every candidate's weights and score.
     pub tried: Vec<(CostWeights, f64)>,
@@ -106,6 +108,8 @@ pub struct Condition {
     pub plant: String,
     pub noise: bool,
     pub vehicle: String,
+    /// Digest of its numbers: see [`vehicle_digest`].
+    pub vehicle_digest: String,
     pub effort: Effort,
     pub rows: Vec<RowResult>,
     /// Rows that were asked for and that this vehicle does not have.
@@ -126,7 +130,11 @@ pub struct Condition {
     /// Identification from the record.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub identified: Vec<Identified>,
-    /// The paper's setting, if it was made, in one way and the other.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub edges: Vec<Edge>,
+}
+
+/// Digest of a vehicle: of its file's numbers and words, and of the tyre files that it names.
+#[must_use]
+pub fn vehicle_digest(parameters: &impl VehicleParameters) -> String {
+    // Its file's text has only the names of the tyre files.
+    format!("{:016x}", fnv(format!("{parameters:?}").as_bytes()))
 }

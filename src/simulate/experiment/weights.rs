@@ -123,6 +123,14 @@ pub struct WeightSearch {
     pub tried: Vec<(CostWeights, f64)>,
 }
 
+impl WeightSearch {
+    /// Score of a candidate; infinity for weights that were not tried.
+    #[must_use]
+    pub fn score_of(&self, weights: &CostWeights) -> f64 {
+        self.tried.iter().find(|(tried, _)| tried == weights).map_or(f64::INFINITY, |(_, score)| *score)
+    }
+}
+
 /// Searches weights with the least score among `budget` candidates; `known` are good for another row.
 pub fn search(
     space: &Space,
@@ -185,5 +193,14 @@ mod tests {
         assert!(found.score < 0.3 * found.tried[..9].iter().map(|t| t.1).fold(f64::INFINITY, f64::min));
         assert_eq!(found, search(&CAR_SPACE, 64, 1, false, None, valley));
         assert_eq!(found.tried.len(), 64);
+    }
+
+    #[test]
+    fn each_candidate_has_the_score_that_it_got() {
+        let found = search(&CAR_SPACE, 12, 1, false, None, |w| w.r_rate);
+        assert!(found.tried.iter().all(|(weights, score)| found.score_of(weights) == *score));
+        assert_eq!(found.score_of(&found.weights), found.score);
+        let other = CostWeights { r_rate: 0.123, ..found.weights };
+        assert_eq!(found.score_of(&other), f64::INFINITY);
     }
 }
