@@ -338,7 +338,7 @@ def test_a_model_is_that_of_the_command_line(rfl_mpc, drive, told, rfl, tmp_path
         (lambda rfl: rfl.drive(set={"vehicle.mas": 1}), "there is no number 'vehicle.mas'"),
         (lambda rfl: rfl.drive(set={"vehicle.mass": -5}), "[100, 100000]"),
         (lambda rfl: rfl.drive(variant="rlf"), "invalid value 'rlf' for '--variant"),
-        (lambda rfl: rfl.drive(step="quick"), "invalid value 'quick' for '--step"),
+        (lambda rfl: rfl.drive(step="quick"), "--step <STEP>: 'quick' is not a number"),
         (lambda rfl: rfl.drive(step=-1), "--step -1: give a time between 0.001 and 0.2 s"),
         (lambda rfl: rfl.diagnose([]), "give at least one log"),
         (lambda rfl: rfl.diagnose(None), "give at least one log"),
