@@ -134,6 +134,17 @@ fn starts(program: &str) -> bool {
     command.status().is_ok_and(|status| status.success())
 }
 
+/// What is to be built.
+#[derive(Clone, Copy)]
+struct Build<'a> {
+    project: &'a Path,
+    profile: &'a str,
+    selection: &'a [&'a str],
+    target: Option<Target>,
+    /// Of a library for several processors the system that this one is for.
+    part: Option<&'static str>,
+}
+
 /// The builder in use.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Builder {
@@ -166,21 +177,13 @@ impl Builder {
         selection: &[&str],
         target: Option<Target>,
     ) -> Result<(), CargoError> {
-        parts(target)
-            .iter()
-            .try_for_each(|part| self.run(project, profile, selection, target, *part).map(drop))
+        let build = |part| self.run(Build { project, profile, selection, target, part });
+        parts(target).into_iter().try_for_each(|part| build(part).map(drop))
     }
 
-    /// Runs a build; gives cargo's messages, and the command for ours. `part`: of a library for several processors the system
-    /// that this one is for.
-    fn run(
-        &self,
-        project: &Path,
-        profile: &str,
-        selection: &[&str],
-        target: Option<Target>,
-        part: Option<&str>,
-    ) -> Result<(String, String), CargoError> {
+    /// Runs a build; gives cargo's messages, and the command for ours.
+    fn run(&self, what: Build<'_>) -> Result<(String, String), CargoError> {
+        let Build { project, profile, selection, target, part } = what;
         let mut command = cargo(project);
         match (self, target, part) {
             (_, _, Some(system)) => {
@@ -212,31 +215,38 @@ impl Builder {
             }
         }
         command.args(["--profile", profile, "--message-format", "json-render-diagnostics"]);
-        if let Builder::Beside(_) = self {
-            let folder = linker::install_as_system(&project.join("target"));
-            let (folder, real) =
-                folder.map_err(|source| CargoError::Write { path: project.join("target"), source })?;
-            command.env("PATH", before_path(folder)).env(linker::REAL, real);
-            return output(&mut command);
-        }
-        command.args(selection);
-        // A development build is shared with tests, whose flags must not change.
-        if profile != "dev" {
-            let real = match (self, target, part) {
-                (_, _, Some(_)) => "rust-lld",
-                (_, Some(Target::Win64), _) if Target::Win64.is_foreign() => MINGW,
-                // cargo-zigbuild's own programs.
-                (Builder::Zig, Some(Target::LinuxArm), _) => "CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER",
-                (Builder::Zig, ..) => "CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_LINKER",
-                (Builder::Cargo | Builder::Beside(_), ..) => "cc",
-            };
-            let folder = project.join("target");
-            let folder = linker::install(&folder)
-                .map_err(|source| CargoError::Write { path: folder.join("linker"), source })?;
-            command.env("PATH", before_path(folder)).env(linker::REAL, real);
-            command.env("CARGO_ENCODED_RUSTFLAGS", flags(project, target));
+        let folder = project.join("target");
+        let unwritten = |source| CargoError::Write { path: folder.join("linker"), source };
+        match self {
+            Builder::Beside(_) => {
+                let (linker, real) = linker::install_as_system(&folder).map_err(unwritten)?;
+                command.env("PATH", before_path(linker)).env(linker::REAL, real);
+            }
+            Builder::Zig | Builder::Cargo => {
+                command.args(selection);
+                // A development build is shared with tests, whose flags must not change.
+                if profile != "dev" {
+                    let linker = linker::install(&folder).map_err(unwritten)?;
+                    command
+                        .env("PATH", before_path(linker))
+                        .env(linker::REAL, self.real_linker(target, part));
+                    command.env("CARGO_ENCODED_RUSTFLAGS", flags(project, target));
+                }
+            }
         }
         output(&mut command)
+    }
+
+    /// The linker behind ours, or the variable of the environment that names it.
+    fn real_linker(&self, target: Option<Target>, part: Option<&str>) -> &'static str {
+        match (self, target, part) {
+            (_, _, Some(_)) => "rust-lld",
+            (_, Some(Target::Win64), _) if Target::Win64.is_foreign() => MINGW,
+            // cargo-zigbuild's own programs.
+            (Builder::Zig, Some(Target::LinuxArm), _) => "CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER",
+            (Builder::Zig, ..) => "CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_LINKER",
+            _ => "cc",
+        }
     }
 
     /// Builds the one shared library that `selection` (e.g. `-p`, `fmu-passenger-car`) names, for a platform or for this
@@ -251,25 +261,16 @@ impl Builder {
         selection: &[&str],
         target: Option<Target>,
     ) -> Result<PathBuf, CargoError> {
-        let built = parts(target)
-            .iter()
-            .map(|part| self.build_part(project, profile, selection, target, *part))
-            .collect::<Result<Vec<_>, _>>()?;
+        let build = |part| self.build_part(Build { project, profile, selection, target, part });
+        let built = parts(target).into_iter().map(build).collect::<Result<Vec<_>, _>>()?;
         match &built[..] {
             [one] => Ok(one.clone()),
             several => join(project, several),
         }
     }
 
-    fn build_part(
-        &self,
-        project: &Path,
-        profile: &str,
-        selection: &[&str],
-        target: Option<Target>,
-        part: Option<&str>,
-    ) -> Result<PathBuf, CargoError> {
-        let library = self.library(project, profile, selection, target, part)?;
+    fn build_part(&self, what: Build<'_>) -> Result<PathBuf, CargoError> {
+        let library = self.library(what)?;
         if !matches!(self, Builder::Beside(_)) || is_divided(&library) {
             return Ok(library);
         }
@@ -277,28 +278,17 @@ impl Builder {
         for place in [library.clone(), linker::place(&library, Standard::Fmi2)] {
             std::fs::remove_file(&place).map_err(|source| CargoError::Write { path: place, source })?;
         }
-        let library = self.library(project, profile, selection, target, part)?;
+        let library = self.library(what)?;
         // Another linker than the system's is set on this machine.
-        if is_divided(&library) {
-            Ok(library)
-        } else {
-            Builder::Cargo.library(project, profile, selection, target, part)
-        }
+        if is_divided(&library) { Ok(library) } else { Builder::Cargo.library(what) }
     }
 
     /// The shared library that a build of `selection` makes.
-    fn library(
-        &self,
-        project: &Path,
-        profile: &str,
-        selection: &[&str],
-        target: Option<Target>,
-        part: Option<&str>,
-    ) -> Result<PathBuf, CargoError> {
-        let (text, command) = self.run(project, profile, selection, target, part)?;
+    fn library(&self, what: Build<'_>) -> Result<PathBuf, CargoError> {
+        let (text, command) = self.run(what)?;
         // Beside others a library is told by its package's name.
         let name = match self {
-            Builder::Beside(_) => selection.last().map(|package| package.replace('-', "_")),
+            Builder::Beside(_) => what.selection.last().map(|package| package.replace('-', "_")),
             Builder::Zig | Builder::Cargo => None,
         };
         let mut library = None;

@@ -83,7 +83,18 @@ impl From<StepReport> for Command {
     fn from(report: StepReport) -> Self {
         let StepReport { steer_cmd, accel_cmd, finished, e1, e1_rate, e2, e2_rate, .. } = report;
         let StepReport { station, curvature, speed_ref, iterations, compute_time, .. } = report;
-        let status = report.status.name();
+        let of_road = [e1, e1_rate, e2, e2_rate, station, curvature, speed_ref];
+        Self::of(report.status.name(), ([steer_cmd, accel_cmd], finished, of_road, iterations, compute_time))
+    }
+}
+
+/// The numbers of a [`Command`] beside its status, in the order of its fields.
+type Numbers = ([f64; 2], bool, [f64; 7], u32, f64);
+
+impl Command {
+    fn of(status: &'static str, numbers: Numbers) -> Self {
+        let ([steer_cmd, accel_cmd], finished, of_road, iterations, compute_time) = numbers;
+        let [e1, e1_rate, e2, e2_rate, station, curvature, speed_ref] = of_road;
         Self {
             steer_cmd,
             accel_cmd,
@@ -102,9 +113,6 @@ impl From<StepReport> for Command {
     }
 }
 
-/// The numbers of a [`Command`] beside its status, in the order of its fields.
-type Numbers = ([f64; 2], bool, [f64; 7], u32, f64);
-
 #[pymethods]
 impl Command {
     #[new]
@@ -113,23 +121,7 @@ impl Command {
         let Some(status) = found.map(|known| known.name()) else {
             return Err(PyValueError::new_err(format!("'{status}' is no status of a controller")));
         };
-        let ([steer_cmd, accel_cmd], finished, of_road, iterations, compute_time) = numbers;
-        let [e1, e1_rate, e2, e2_rate, station, curvature, speed_ref] = of_road;
-        Ok(Self {
-            steer_cmd,
-            accel_cmd,
-            status,
-            finished,
-            e1,
-            e1_rate,
-            e2,
-            e2_rate,
-            station,
-            curvature,
-            speed_ref,
-            iterations,
-            compute_time,
-        })
+        Ok(Self::of(status, numbers))
     }
 
     /// For `pickle` and `copy`.

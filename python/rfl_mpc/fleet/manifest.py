@@ -159,7 +159,7 @@ def _table(source: Path) -> pd.DataFrame | None:
             # Its diagnosis says what is wrong with it.
             return None
         try:
-            return pd.read_parquet(source)
+            return _with_index(pd.read_parquet(source))
         except (ValueError, OSError) as error:
             raise RflError(f"{source}: {reason(error)}; write it anew") from None
     if not source.name.endswith((".csv", ".csv.gz", ".tsv")) or not source.is_file():
@@ -256,7 +256,7 @@ def _with_index(table: pd.DataFrame) -> pd.DataFrame:
 def _of_table(source: str, folder: Path, table: pd.DataFrame) -> Iterator[Drive]:
     import pandas as pd
 
-    table = _with_index(table).rename(columns=_lower)
+    table = table.rename(columns=_lower)
     other = [name for name in table.columns if name not in COLUMNS]
     if other:
         raise RflError(f"{source}: column '{other[0]}' is none of a manifest; its columns are {', '.join(COLUMNS)}")
