@@ -43,6 +43,13 @@ pub fn read_text(file: &Path) -> Result<String> {
         .map_err(|_| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8 or UTF-16"))
 }
 
+/// Line (from 1) and words of what is wrong with a TOML text, for people: without the parser's drawing of the place.
+pub(crate) fn toml_error(text: &str, error: &toml::de::Error) -> (usize, String) {
+    let start = error.span().map_or(0, |span| span.start);
+    let line = text.bytes().take(start).filter(|byte| *byte == b'\n').count() + 1;
+    (line, error.message().replace('\n', ", "))
+}
+
 /// Kind of a file that is not an ordinary one.
 #[cfg(unix)]
 pub(crate) fn kind(about: &Metadata) -> &'static str {

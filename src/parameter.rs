@@ -3,6 +3,7 @@
 //! The [`parameters!`](crate::parameters) macro makes four things from one table: the struct for the code, its default,
 //! its validation, and a list. From the list FMU variables, `--set NAME=VALUE` and documentation are generated.
 
+use crate::numerics::Readable;
 use crate::signal::Unit;
 
 /// Description of a numeric parameter.
@@ -55,7 +56,7 @@ impl Choices {
 
 /// A parameter that is out of its range or not a number.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{name} = {value}{} is {}: {meaning}; set {}", self.unit_words(), self.fault(), self.remedy())]
+#[error("{name} = {}{} is {}: {meaning}; set {}", Readable(*value), self.unit_words(), self.fault(), self.remedy())]
 #[allow(missing_docs)]
 pub struct OutOfRange {
     pub name: &'static str,

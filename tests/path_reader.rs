@@ -204,7 +204,7 @@ fn other_units_are_suspected() {
     let rows: String = (0..50).map(|i| format!("{:.7},{:.7}\n", 11.5 + f64::from(i) * 1e-5, 48.1)).collect();
     let (error, message) = refuse(&format!("x,y\n{rows}"));
     assert!(matches!(error, PathError::SuspiciousUnit { .. }), "{message}");
-    has(&message, &["in m?"]);
+    has(&message, &["hardly in m"]);
     // Millimetres.
     let rows: String = (0..50).map(|i| format!("{},0\n", i * 1000)).collect();
     assert!(matches!(refuse(&format!("x,y\n{rows}")).0, PathError::SuspiciousUnit { .. }));

@@ -2,7 +2,7 @@
 
 use rfl_mpc::vehicle::{
     BUILTIN, BUILTIN_TRUCKS, Car, CarParameters, Effects, TruckParameters, VehicleError, VehicleKind,
-    builtin, builtin_truck,
+    VehicleParameters, builtin, builtin_truck,
 };
 use std::path::{Path, PathBuf};
 
@@ -38,6 +38,39 @@ fn a_copy_finds_built_in_tyres_and_prefers_those_beside_it() {
     let tyre = tyre.replace("PDY1 = 1.0489", "PDY1 = 0.9");
     std::fs::write(folder.path().join("tyres/commonroad.tir"), tyre).unwrap();
     assert_eq!(CarParameters::read(&file).unwrap().tyre.front.coefficients.unwrap().pdy1, 0.9);
+}
+
+#[test]
+fn a_vehicle_of_the_other_kind_is_said_to_be_one() {
+    let elsewhere = |name: &str| PathBuf::from(name);
+    let truck = vehicles().join("truck_real.toml");
+    let car = vehicles().join("c_class.toml");
+    for said in [
+        CarParameters::named("truck_real", elsewhere).unwrap_err().to_string(),
+        CarParameters::read(&truck).unwrap_err().to_string(),
+    ] {
+        assert!(said.contains("truck_real") && said.contains("is a truck, and a car is wanted"), "{said}");
+    }
+    for said in [
+        TruckParameters::named("c_class", elsewhere).unwrap_err().to_string(),
+        TruckParameters::read(&car).unwrap_err().to_string(),
+    ] {
+        assert!(said.contains("c_class") && said.contains("is a car, and a truck is wanted"), "{said}");
+    }
+    assert_eq!(CarParameters::named("c_class", elsewhere).unwrap(), builtin("c_class").unwrap());
+    assert_eq!(TruckParameters::named("t", |_| truck).unwrap(), builtin_truck("truck_real").unwrap());
+}
+
+#[test]
+fn what_a_program_sets_wrongly_is_not_blamed_on_a_file() {
+    let mut car = builtin("c_class").unwrap();
+    car.vehicle.mass = 110.0;
+    let said = car.check().unwrap_err().to_string();
+    assert!(said.starts_with("vehicle 'C-class") && said.contains("correct vehicle.mass"), "{said}");
+    assert!(!said.contains("file") && !said.contains("line"), "{said}");
+    car.vehicle.mass = 1e308;
+    let said = car.check().unwrap_err().to_string();
+    assert!(said.contains("vehicle.mass = 1e308 kg is outside 100 ... 100000"), "{said}");
 }
 
 #[test]

@@ -392,7 +392,7 @@ def write(folder: Path, out: Path) -> None:
     }
     sweep = folder / "sweep.json"
     if sweep.exists():
-        results["sweep"] = sweep_table(json.loads(sweep.read_text()))
+        results["sweep"] = sweep_table(json.loads(sweep.read_text())["points"])
         truck_plots.draw_sweep(results["sweep"], out)
     drives = {n: read_drives(folder / f"drives_{n}", truck_plots.SHOWN) for n in calm}
     u_turn_drives = {n: read_drives(folder / f"drives_{n}", truck_plots.SHOWN, f"{U_TURN}_") for n in calm}

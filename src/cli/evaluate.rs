@@ -285,7 +285,8 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> Evaluator<'_, P, S, C> {
     /// Runs the sweep over the dead time, unless its file is there.
     fn sweep(&self) -> Result<(), Box<dyn Error>> {
         let file = self.out.join("sweep.json");
-        if file.exists() {
+        let (name, digest) = (self.vehicle.name(), vehicle_digest(&self.vehicle));
+        if results_file::has_sweep(&file, name, &digest)? {
             say!("sweep: there already ({}); delete the file to repeat it", file.display());
             return Ok(());
         }
@@ -297,7 +298,7 @@ impl<P: Compared<S, C>, const S: usize, const C: usize> Evaluator<'_, P, S, C> {
         })?;
         bar.finish_and_clear();
         print_sweep(&points);
-        results_file::write(&file, &points)
+        results_file::write_sweep(&file, name, &digest, &points)
     }
 }
 

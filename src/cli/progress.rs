@@ -1,7 +1,10 @@
 //! Progress of a command: a bar on a terminal, otherwise a line now and then.
 
 use super::listen::{Listener, listener};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle, TermLike};
+use indicatif::style::TemplateError;
+use indicatif::{
+    HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState as Progress, ProgressStyle, TermLike,
+};
 use std::io::{IsTerminal, Result, Write};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -14,7 +17,7 @@ const MOST: Duration = Duration::from_secs(30);
 const WORTH: u64 = 10;
 
 /// Template of a line: the share, and the words.
-const LINE: &str = "{percent}|{msg}: {percent} %, {eta} left";
+const LINE: &str = "{percent}|{msg}: {percent} %, {left} left";
 
 /// The progress of a part of a command's work; drawn, told to a listener, or hidden.
 pub(super) struct Bar {
@@ -25,6 +28,10 @@ pub(super) struct Bar {
 impl Bar {
     /// So many parts are done.
     pub fn set_position(&self, done: u64) {
+        // The next part of the work has a time of its own.
+        if done < self.drawn.position() {
+            self.drawn.reset_elapsed();
+        }
         self.drawn.set_position(done);
         self.tell();
     }
@@ -77,7 +84,7 @@ fn drawn(title: &str, length: f64, quiet: bool) -> ProgressBar {
     }
     let bar = ProgressBar::new(length.max(1.0) as u64).with_message(title.to_string());
     let template = if std::io::stderr().is_terminal() {
-        "{msg} {bar:40} {pos}/{len}, {eta} left"
+        "{msg} {bar:40} {pos}/{len}, {left} left"
     } else {
         bar.set_draw_target(ProgressDrawTarget::term_like(Box::new(ProgressLines::new(
             std::io::stderr(),
@@ -86,7 +93,27 @@ fn drawn(title: &str, length: f64, quiet: bool) -> ProgressBar {
         LINE
     };
     // The templates are ours and right.
-    ProgressStyle::with_template(template).map_or(bar.clone(), |style| bar.with_style(style))
+    style(template).map_or(bar.clone(), |style| bar.with_style(style))
+}
+
+/// A template whose `{left}` is the time left, by the average so far: where a step takes minutes, the latest pace is none.
+fn style(template: &str) -> std::result::Result<ProgressStyle, TemplateError> {
+    Ok(ProgressStyle::with_template(template)?.with_key(
+        "left",
+        |progress: &Progress, to: &mut dyn std::fmt::Write| {
+            let (done, of) = (progress.pos(), progress.len().unwrap_or(0));
+            // Writing to memory does not fail.
+            let _ = match time_left(progress.elapsed(), done, of) {
+                Some(left) => write!(to, "{:#}", HumanDuration(left)),
+                None => write!(to, "?"),
+            };
+        },
+    ))
+}
+
+/// Time left of a work of equal parts, of which so many are done; `None` before the first is.
+fn time_left(elapsed: Duration, done: u64, of: u64) -> Option<Duration> {
+    (done > 0).then(|| elapsed.mul_f64(of.saturating_sub(done) as f64 / done as f64))
 }
 
 /// A substitute for a terminal: its drawing becomes a line when enough has changed.
@@ -200,7 +227,7 @@ mod tests {
         let drawn = Shared::default();
         let lines = ProgressLines::new(drawn.clone(), Duration::ZERO);
         let bar = ProgressBar::with_draw_target(Some(200), ProgressDrawTarget::term_like(Box::new(lines)));
-        bar.set_style(ProgressStyle::with_template(LINE).unwrap());
+        bar.set_style(style(LINE).unwrap());
         bar.set_message("driving");
         for position in 0..=200 {
             bar.set_position(position);
@@ -211,6 +238,14 @@ mod tests {
         let shares: Vec<_> = text.lines().map(|line| line.split(' ').nth(1).unwrap()).collect();
         assert_eq!(shares, ["10", "20", "30", "40", "50", "60", "70", "80", "90", "100"], "{text}");
         assert!(text.starts_with("driving: 10 %"), "{text}");
+    }
+
+    #[test]
+    fn the_time_left_is_that_of_the_average_pace() {
+        let minutes = |count: u64| Duration::from_secs(60 * count);
+        assert_eq!(time_left(minutes(10), 1, 4), Some(minutes(30)));
+        assert_eq!(time_left(minutes(10), 4, 4), Some(minutes(0)));
+        assert_eq!(time_left(minutes(10), 0, 4), None);
     }
 
     #[derive(Clone, Default)]

@@ -278,11 +278,46 @@ fn put(there: &mut Value, further: &Value, name: impl Fn(&Value) -> &Value, plac
     *there = rows.into();
 }
 
+/// True if a file has the sweep of this vehicle.
+///
+/// # Errors
+/// A file that is none of a sweep, or is of another vehicle.
+pub(super) fn has_sweep(file: &Path, vehicle: &str, digest: &str) -> Result<bool, Box<dyn Error>> {
+    if !file.exists() {
+        return Ok(false);
+    }
+    let there: Value = serde_json::from_str(&std::fs::read_to_string(file)?)
+        .map_err(|error| format!("{}: no sweep ({error}); move it away", file.display()))?;
+    if there["vehicle"] == *vehicle && there["vehicle_digest"] == *digest {
+        return Ok(true);
+    }
+    let whose = match there["vehicle"].as_str() {
+        Some(other) if other != vehicle => format!("it is of the vehicle {other:?}"),
+        Some(_) => "its vehicle has this name and other numbers".to_owned(),
+        None => "it does not say of which vehicle it is".to_owned(),
+    };
+    Err(format!("{}: {whose}; asked for is {vehicle:?}: move it away, or give another --out", file.display())
+        .into())
+}
+
+/// Writes a sweep with its vehicle.
+///
+/// # Errors
+/// A file that cannot be written.
+pub(super) fn write_sweep(
+    file: &Path,
+    vehicle: &str,
+    digest: &str,
+    points: &impl Serialize,
+) -> Result<(), Box<dyn Error>> {
+    write(file, &json!({ "vehicle": vehicle, "vehicle_digest": digest, "points": points }))
+}
+
 /// Writes results.
 ///
 /// # Errors
 /// A file that cannot be written.
-pub(super) fn write(file: &Path, results: &impl Serialize) -> Result<(), Box<dyn Error>> {
+fn write(file: &Path, results: &impl Serialize) -> Result<(), Box<dyn Error>> {
     let text = serde_json::to_string(results)?;
     write_text(file, &text)
 }
@@ -313,6 +348,21 @@ mod tests {
 
     fn names(results: &ResultsFile) -> Vec<&str> {
         list(&results.0["rows"]).iter().filter_map(|row| row["row"].as_str()).collect()
+    }
+
+    #[test]
+    fn a_sweep_is_of_one_vehicle() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("sweep.json");
+        assert!(!has_sweep(&file, "truck", "1a").unwrap());
+        write_sweep(&file, "truck", "1a", &[1, 2]).unwrap();
+        assert!(has_sweep(&file, "truck", "1a").unwrap());
+        for (name, digest, words) in [("truck", "2b", "other numbers"), ("bus", "1a", "\"truck\"")] {
+            let said = has_sweep(&file, name, digest).unwrap_err().to_string();
+            assert!(said.contains(words) && said.contains("sweep.json"), "{said}");
+        }
+        std::fs::write(&file, "[]").unwrap();
+        assert!(has_sweep(&file, "truck", "1a").is_err());
     }
 
     #[test]

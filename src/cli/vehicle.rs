@@ -95,7 +95,7 @@ impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
 
 /// A vehicle by built-in name or file.
 pub(super) fn vehicle_named<F: VehicleFile>(name: &str) -> Result<F, Box<dyn Error>> {
-    Ok(if F::BUILTIN.contains(&name) { F::builtin(name)? } else { F::of_file(name.as_ref())? })
+    Ok(F::named(name, |name| name.into())?)
 }
 
 /// The default controller for a vehicle, with a user's settings.

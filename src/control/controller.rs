@@ -13,6 +13,8 @@
 //! and to zero once a vehicle has left the path by a lane's width.
 
 mod acceleration;
+mod locate;
+mod naming;
 mod resample;
 mod steering;
 mod stored;
@@ -422,68 +424,9 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         })
     }
 
-    /// Status of the step, and the brakes at the road's end.
-    fn name_status(&self, bridged: bool, stops: bool, rolled_back: bool, report: &mut StepReport) {
-        use ControlStatus::{Bridged, FarFromPath, Finished, Optimal, ReducedAccuracy};
-        use ControlStatus::{ResidualFaded, RolledBack, SafeHold, SafeStop, Slowed};
-        let planned = matches!(report.status, Optimal | ReducedAccuracy);
-        let of_residual = self.state.fading.faded() && self.lateral.is_learned();
-        if stops && report.status != SafeHold {
-            report.status = SafeStop;
-        } else if bridged && (planned || report.status == FarFromPath) {
-            report.status = Bridged;
-        } else if planned && rolled_back {
-            report.status = RolledBack;
-        } else if planned && self.state.speed_share < 1.0 {
-            report.status = Slowed;
-        } else if planned && of_residual {
-            report.status = ResidualFaded;
-        }
-        if self.state.finished && !self.path.is_periodic() {
-            report.status = Finished;
-            report.accel_cmd = -self.parameters.speed.safe_decel;
-        }
-    }
-
     /// Share of the learned model that is used.
     fn residual_share(&self) -> f64 {
         if self.parameters.guard.active == 0 { 1.0 } else { self.state.fading.share() }
-    }
-
-    /// Projects the vehicle onto the path and keeps count of the way.
-    fn locate(&mut self, measurement: &Measurement) -> StepReport {
-        let Measurement { x, y, yaw, vx, vy, yaw_rate, .. } = *measurement;
-        let mut at = self.path.project(x, y, yaw, self.state.station);
-        if self.state.station.is_some() && at.e1.abs() > 4.0 * FAR_E1 {
-            // Lost: another part of the path may be the right one.
-            at = self.path.project(x, y, yaw, None);
-        }
-        let length = self.path.length();
-        if let Some(before) = self.state.station {
-            let mut advance = at.station - before;
-            if self.path.is_periodic() {
-                advance -= length * (advance / length).round();
-            }
-            self.state.travelled += advance;
-        }
-        self.state.station = Some(at.station);
-        self.state.finished = if self.path.is_periodic() {
-            self.state.travelled >= length
-        } else {
-            let near = if self.state.finished { 2.0 * END_DISTANCE } else { END_DISTANCE };
-            at.station >= length - near
-        };
-        let (e1_rate, e2_rate) = at.error_rates(vx, vy, yaw_rate);
-        StepReport {
-            e1: at.e1,
-            e1_rate,
-            e2: at.e2,
-            e2_rate,
-            station: at.station,
-            curvature: at.curvature,
-            curvature_rate: self.path.curvature_rate(at.station),
-            ..StepReport::default()
-        }
     }
 
     /// The newest step's report.

@@ -42,8 +42,10 @@ pub enum ControllerFileError {
         file.display()
     )]
     Unreadable { file: PathBuf, source: std::io::Error },
+    #[error("controller file {}, line {line}: {message}; it is a TOML file, as `rfl tune` writes it", file.display())]
+    Syntax { file: PathBuf, line: usize, message: String },
     #[error("controller file {}: {message}", file.display())]
-    Syntax { file: PathBuf, message: String },
+    Content { file: PathBuf, message: String },
     #[error(
         "controller file {}: it is for a {found}, and this is a {expected}; tune this vehicle with `rfl tune`",
         file.display()
@@ -66,13 +68,14 @@ impl ControllerFile {
     pub fn read(file: &Path) -> Result<Self, ControllerFileError> {
         let text = input::read_text(file)
             .map_err(|source| ControllerFileError::Unreadable { file: file.into(), source })?;
-        Self::parse(&text).map_err(|message| ControllerFileError::Syntax { file: file.into(), message })
+        let table = text.parse().map_err(|error| {
+            let (line, message) = input::toml_error(&text, &error);
+            ControllerFileError::Syntax { file: file.into(), line, message }
+        })?;
+        Self::parse(&table).map_err(|message| ControllerFileError::Content { file: file.into(), message })
     }
 
-    fn parse(text: &str) -> Result<Self, String> {
-        // An error of TOML shows the line; its last line break would stand alone.
-        let table: toml::Table =
-            text.parse().map_err(|error: toml::de::Error| error.to_string().trim().to_owned())?;
+    fn parse(table: &toml::Table) -> Result<Self, String> {
         let word = |key: &str| match table.get(key) {
             None => Ok(None),
             Some(toml::Value::String(word)) => Ok(Some(word.clone())),
@@ -181,7 +184,7 @@ mod tests {
     fn what_is_written_is_read() {
         let text = file().to_text("Made by a test.\nTwo lines.");
         assert!(text.starts_with("# Made by a test.\n# Two lines.\n"));
-        assert_eq!(ControllerFile::parse(&text).unwrap(), file());
+        assert_eq!(ControllerFile::parse(&text.parse().unwrap()).unwrap(), file());
         let mut parameters = ControllerParameters::default();
         file().apply(&mut parameters, Path::new("x.toml")).unwrap();
         assert_eq!((parameters.mpc.horizon, parameters.mpc.q_e1), (30, 0.118));
@@ -190,13 +193,12 @@ mod tests {
 
     #[test]
     fn what_is_wrong_is_said() {
-        let message = |text: &str| ControllerFile::parse(text).unwrap_err();
+        let message = |text: &str| ControllerFile::parse(&text.parse().unwrap()).unwrap_err();
         assert!(message("kind = 3\n[controller]").contains("kind"));
         assert!(message("mpc.q_e1 = 3").contains("mpc"));
         assert!(message("kind = 'car'").contains("[controller]"));
         assert!(message("[controller]\nmpc.q_e1 = 'a'").contains("mpc.q_e1"));
         assert!(message("variant = 'magic'\n[controller]").contains("magic"));
-        assert!(message("[controller").contains("line 1") || message("[controller").contains('1'));
         let apply = |change: fn(&mut ControllerFile)| {
             let mut file = file();
             change(&mut file);

@@ -29,12 +29,22 @@
 //! either. Its position jumps, and steering back from there would leave the road. Bridging what contradicts needs some
 //! steps that agree; until then each measurement is a first one, for as long as a gap may last.
 //!
+//! | file | idea |
+//! |---|---|
+//! | `track.rs` | the filter |
+//! | `new_start.rs` | a motion of its own |
+//! | `resting.rs` | rates that rest |
+//!
 //! Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001. It treats the
 //! validation gate, innovations as a test of the filter (5.4), and initiation of tracks.
 
+mod new_start;
 mod resting;
+mod track;
 
+use self::new_start::NewStart;
 use self::resting::Resting;
+use self::track::{Track, difference};
 use super::observer::ObserverParameters;
 use super::step::{Measurement, StepError};
 use super::vehicle::FurtherState;
@@ -93,30 +103,12 @@ const ESTABLISHED: u32 = 5;
 const MOVES: f64 = 1e-3;
 /// Way that a vehicle at rest is asked to drive, by which it has set out, m: with the same bits its measurement is stale, too.
 const SETS_OUT: f64 = 0.1;
-/// Share of the way, and of the turn, by which a pose and the integrated velocities of a new start may differ.
-const WAY_SHARE: f64 = 0.02;
 /// Largest share by which the way of the poses may differ from that of the velocities for good: a sensor's scale.
 const LARGEST_SCALE: f64 = 0.1;
 /// Way after which that share is half learned, m.
 const SCALE_PRIOR: f64 = 1.0;
 /// Largest plausible acceleration beyond the command, m/s2: drag and grade.
 const LARGEST_DRIFT: f64 = 2.0;
-
-/// The vehicle's motion by the filter.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-struct Track {
-    mean: Signals,
-    covariance: SMatrix<f64, SIGNALS, SIGNALS>,
-}
-
-impl Track {
-    /// False once numbers have outgrown the arithmetic, as those of a damaged saved state may.
-    fn is_sound(&self, noise: &Signals) -> bool {
-        // Of an innovation; rounding may leave a little less than nothing of the track's own.
-        let variances = self.covariance.diagonal() + noise;
-        self.mean.iter().chain(&variances).all(|number| number.is_finite()) && variances.min() >= 0.0
-    }
-}
 
 /// What of a measurement is to the bit as a step before, in motion.
 #[derive(Debug, Clone, Copy)]
@@ -128,18 +120,6 @@ struct OldSignals {
 /// True if every signal is a number.
 fn are_finite(told: &Signals) -> bool {
     told.iter().all(|value| value.is_finite())
-}
-
-/// A motion that may be a new start.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-struct NewStart {
-    /// Pose from the velocities since its first sample.
-    reckoned: [f64; 3],
-    last: Signals,
-    /// Way, m, and turn, rad, since then.
-    way: f64,
-    turn: f64,
-    age: f64,
 }
 
 /// Everything of the guard that steps change.
@@ -223,20 +203,6 @@ impl Default for GuardState {
 fn signals(measurement: &Measurement) -> Signals {
     let Measurement { x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate, .. } = *measurement;
     Signals::from([x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate])
-}
-
-/// True if a vehicle can move like this at all.
-fn is_possible(told: &Signals) -> bool {
-    [(3, signal::VX), (4, signal::VY), (5, signal::YAW_RATE)].iter().all(|(i, signal)| {
-        let (least, most) = signal.range;
-        (least..=most).contains(&told[*i])
-    })
-}
-
-/// Difference of two values of a signal.
-fn difference(signal: usize, a: f64, b: f64) -> f64 {
-    // Yaw and articulation are angles.
-    if matches!(signal, 2 | ARTICULATION) && (a - b).is_finite() { wrap_angle(a - b) } else { a - b }
 }
 
 impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
@@ -461,146 +427,6 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         let keep = 1.0 - (elapsed / MEMORY).min(1.0);
         ways[0] = ways[0] * keep + (way - said) * said.signum();
         ways[1] = ways[1] * keep + said.abs();
-    }
-
-    /// Continues the candidate of a new start with the motion in `told`, if it is one.
-    fn candidate(
-        &self,
-        before: Option<NewStart>,
-        told: &Signals,
-        there: bool,
-        elapsed: f64,
-        scale: f64,
-        spread: &Signals,
-    ) -> Option<NewStart> {
-        let body = told.fixed_rows::<ARTICULATION>(0);
-        if !there || body.iter().all(|value| *value == 0.0) || !is_possible(told) {
-            return None;
-        }
-        // Its age counts from the step that ended with it.
-        let first = NewStart {
-            reckoned: [told[0], told[1], told[2]],
-            last: *told,
-            way: 0.0,
-            turn: 0.0,
-            age: elapsed,
-        };
-        let Some(NewStart { reckoned: [x, y, yaw], last, way, turn, age }) = before else {
-            return Some(first);
-        };
-        let between = |i: usize| 0.5 * (last[i] + told[i]);
-        let heading = last[2] + 0.5 * wrap_angle(told[2] - last[2]);
-        let (sin, cos) = heading.sin_cos();
-        let (vx, vy, turned) = (scale * between(3), scale * between(4), between(5) * elapsed);
-        let reckoned =
-            [x + (vx * cos - vy * sin) * elapsed, y + (vx * sin + vy * cos) * elapsed, yaw + turned];
-        let (way, turn) = (way + vx.hypot(vy) * elapsed, turn + turned.abs());
-        let noise = |i: usize| GATE * (2.0 * self.noise[i] * spread[i].clamp(1.0, LARGEST_SPREAD)).sqrt();
-        let gap = (told[0] - reckoned[0]).hypot(told[1] - reckoned[1]);
-        let follows = gap <= noise(0) + WAY_SHARE * way
-            && wrap_angle(told[2] - reckoned[2]).abs() <= noise(2) + WAY_SHARE * turn;
-        let changes = [2.0 * GRIP, 2.0 * GRIP, 2.0 * self.yaw_accel];
-        let smooth = (3..)
-            .zip(changes)
-            .all(|(i, change): (usize, f64)| (told[i] - last[i]).abs() <= noise(i) + change * elapsed);
-        let goes_on = NewStart { reckoned, last: *told, way, turn, age: age + elapsed };
-        Some(if follows && smooth { goes_on } else { first })
-    }
-
-    /// The motion a step later.
-    fn predict(
-        &self,
-        track: &Track,
-        steer: f64,
-        [command, drift]: [f64; 2],
-        scale: f64,
-        elapsed: f64,
-    ) -> Track {
-        let (h, accel) = (elapsed, command + drift);
-        let [x, y, yaw, vx, vy, yaw_rate, articulation, articulation_rate] = track.mean.data.0[0];
-        // Slower than the model can be, the vehicle rolls: its steering turns it in proportion to its speed.
-        let speed = vx.max(self.min_model_speed);
-        let turned_by = steer * (vx / speed).clamp(-1.0, 1.0);
-        // The model's errors to the line along which the vehicle drives now: e1' = vy + v e2. By the implicit Euler rule,
-        // which is stable at every speed.
-        let mut start = SVector::<f64, S>::zeros();
-        (start[1], start[3]) = (vy, yaw_rate);
-        if Self::JUDGED == SIGNALS {
-            (start[ERRORS], start[ERRORS + 1]) = (articulation, articulation_rate);
-        }
-        let (by_start, next) = match self.vehicle.model_at(speed) {
-            Ok(model) => {
-                let by_start =
-                    (SMatrix::identity() - model.a * h).try_inverse().unwrap_or_else(SMatrix::identity);
-                (by_start, by_start * (start + model.b * (turned_by * h)))
-            }
-            Err(_) => (SMatrix::identity(), start),
-        };
-        // Tyres saturate, the model's do not.
-        let limited = |to: f64, from: f64, rate: f64| to.clamp(from - rate * h, from + rate * h);
-        let next_rate = limited(next[3], yaw_rate, self.yaw_accel);
-        let next_vy = limited(next[1], vy, GRIP) - speed * h * next_rate;
-        // Brakes hold, they do not reverse, nor drive on what rolls back.
-        let next_vx = match (accel < 0.0, vx >= 0.0) {
-            (true, true) => (vx + accel * h).max(0.0),
-            (true, false) if command < 0.0 => (vx - command * h).min(0.0),
-            _ => vx + accel * h,
-        };
-        let mut mean = track.mean;
-        let (sin, cos) = (yaw + 0.25 * h * (yaw_rate + next_rate)).sin_cos();
-        let (along, across) = (0.5 * scale * (vx + next_vx), 0.5 * scale * (vy + next_vy));
-        mean[0] = x + h * (along * cos - across * sin);
-        mean[1] = y + h * (along * sin + across * cos);
-        mean[2] = yaw + 0.5 * h * (yaw_rate + next_rate);
-        (mean[3], mean[4], mean[5]) = (next_vx, next_vy, next_rate);
-
-        let mut by = SMatrix::<f64, SIGNALS, SIGNALS>::identity();
-        by[(0, 2)] = -h * (along * sin + across * cos);
-        by[(1, 2)] = h * (along * cos - across * sin);
-        (by[(0, 3)], by[(0, 4)]) = (h * cos, -h * sin);
-        (by[(1, 3)], by[(1, 4)]) = (h * sin, h * cos);
-        by[(2, 5)] = h;
-        // The body's states by its states: places in the motion and in the model.
-        let body = [(4, 1), (5, 3), (6, ERRORS), (7, ERRORS + 1)];
-        let body = &body[..if Self::JUDGED == SIGNALS { 4 } else { 2 }];
-        for &(column, of) in body {
-            for &(row, to) in body {
-                by[(row, column)] = by_start[(to, of)];
-            }
-            by[(4, column)] -= speed * by_start[(2, of)];
-        }
-        if Self::JUDGED == SIGNALS {
-            let rate = limited(next[ERRORS + 1], articulation_rate, 2.0 * self.yaw_accel);
-            (mean[6], mean[7]) = (articulation + 0.5 * h * (articulation_rate + rate), rate);
-        }
-        // Beyond the model tyres do no more than they can do at all: that is where the gate stands.
-        let (push, turn) = (GRIP / GATE * h, self.yaw_accel / GATE * h);
-        let missed = Signals::from([
-            0.5 * h * push,
-            0.5 * h * push,
-            0.5 * h * turn,
-            push,
-            push,
-            turn,
-            h * turn,
-            2.0 * turn,
-        ]);
-        let mut covariance = by * track.covariance * by.transpose();
-        for i in 0..Self::JUDGED {
-            covariance[(i, i)] += missed[i] * missed[i];
-        }
-        Track { mean, covariance }
-    }
-}
-
-impl Track {
-    /// Takes the measured value of a signal into the estimate.
-    fn observe(&mut self, signal: usize, value: f64, noise: f64) {
-        let off = difference(signal, value, self.mean[signal]);
-        let column = self.covariance.column(signal).into_owned();
-        let gain = column / (column[signal] + noise);
-        self.mean += gain * off;
-        self.covariance -= gain * column.transpose();
     }
 }
 

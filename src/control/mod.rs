@@ -23,10 +23,10 @@
 //! | `speed.rs` | speed tracking |
 //! | `longitudinal.rs` | speed and lag error by MPC |
 //! | `grip.rs` | what the road leaves to drive and brakes: grip beside steering, slopes |
-//! | `guard.rs` | plausibility of measurements, and their replacement |
+//! | `guard.rs`, `guard/` | plausibility of measurements, and their replacement |
 //! | `fading.rs` | comparison of a learned model with the nominal one |
 //! | `controller.rs` | one step from measurement to commands; fallback |
-//! | `controller/` | its acceleration, its steering command, its state |
+//! | `controller/` | its place on the path, acceleration, steering command, status, saved state |
 //! | `vehicle.rs` | differences between kinds of vehicles |
 //! | `truck.rs` | the truck's part, and its defaults |
 //! | `margins/` | stability margins of the loop: gain, phase and delay |

@@ -41,8 +41,7 @@ fn vehicle_file_parameter<V: VehicleParameters>(what: &str) -> Variable {
 
 /// The vehicle that `vehicle_file` names.
 fn vehicle_named<V: VehicleParameters>(name: &str, context: &Context) -> Result<V, ModelError> {
-    if V::BUILTIN.contains(&name) { V::builtin(name) } else { V::of_file(&context.locate(name)) }
-        .map_err(failed)
+    V::named(name, |name| context.locate(name)).map_err(failed)
 }
 
 fn failed(error: impl std::fmt::Display) -> ModelError {

@@ -26,7 +26,7 @@ use super::resample::{Interpolation, SHORT, between};
 use super::reversing;
 use super::rows::{LogColumns, LogRows, WrongRows, bridge, hold};
 use super::saturated;
-use super::units::DEGREE;
+use super::turning;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
@@ -217,7 +217,7 @@ impl Read {
             coarse: BTreeMap::new(),
         };
         frozen::leave_out_speeds(&mut mended);
-        mend_turning(&mended.time, &mut mended.columns, &mut factors, &mut mended.findings);
+        turning::mend(&mended.time, &mut mended.columns, &mut factors, &mut mended.findings);
         copied::leave_out(&mut mended);
         averaged::leave_out(&mut mended);
         held::mend(&mut mended);
@@ -453,58 +453,6 @@ fn without_seams(log: &mut CleanLog, rows: &[usize]) {
 fn way_factor(stamps: &[f64], columns: &LogColumns) -> Option<f64> {
     let column = |name: &str| columns.get(name).map(Vec::as_slice);
     agreement::way_factor(stamps, [column("x")?, column("y")?, column("vx")?])
-}
-
-/// Yaw and yaw rate in radians, yaw continuous: before any row is interpolated.
-fn mend_turning(time: &[f64], columns: &mut LogColumns, factors: &mut Factors, findings: &mut Vec<Finding>) {
-    let mut multiply = |columns: &mut LogColumns, name: &'static str, by: f64, why: &str, unit: &str| {
-        *factors.entry(name).or_insert(1.0) *= by;
-        if let Some(column) = columns.get_mut(name) {
-            column.iter_mut().for_each(|value| *value *= by);
-        }
-        let taken = if by < 1.0 {
-            format!("was taken as {unit} and converted to radians")
-        } else {
-            "was radians already, though the file names degrees or was converted twice; taken as radians"
-                .to_owned()
-        };
-        findings.push(Finding::new(FindingSeverity::Warning, Some(name), format!("{why}: {name} {taken}")));
-    };
-    if !columns.contains_key("yaw_rate") {
-        return;
-    }
-    if agreement::impossible_yaw_rate(&columns["vx"], &columns["yaw_rate"]) {
-        multiply(columns, "yaw_rate", DEGREE, "no vehicle turns as fast as yaw_rate says", "degrees");
-    }
-    let Some(yaw) = columns.get("yaw") else { return };
-    let factor = agreement::turn_factor(time, yaw, &columns["yaw_rate"]).map_or(1.0, f64::abs);
-    for (unit, named) in [(DEGREE, "degrees"), (0.01 * DEGREE, "hundredths of a degree")] {
-        let (small, large) = (agreement::near(factor * unit, 1.0), agreement::near(factor / unit, 1.0));
-        let (by, why) = match (small, large) {
-            (true, _) => (unit, format!("yaw changes {:.0} times as fast as yaw_rate says", unit.recip())),
-            (_, true) => (unit.recip(), format!("yaw_rate is {:.0} times the change of yaw", unit.recip())),
-            _ => continue,
-        };
-        if agreement::is_yaw_rate_wrong(columns, by.recip()) {
-            multiply(columns, "yaw_rate", by.recip(), &why, named);
-        } else {
-            multiply(columns, "yaw", by, &why, named);
-        }
-    }
-    let (mut turns, mut last, mut wraps) = (0.0, f64::NAN, 0_usize);
-    for yaw in columns.get_mut("yaw").into_iter().flatten().filter(|yaw| yaw.is_finite()) {
-        *yaw += turns * std::f64::consts::TAU;
-        let jump = ((*yaw - last) / std::f64::consts::TAU).round();
-        if jump.is_finite() && jump != 0.0 {
-            turns -= jump;
-            wraps += 1;
-            *yaw -= jump * std::f64::consts::TAU;
-        }
-        last = *yaw;
-    }
-    if wraps > 0 {
-        findings.push(Finding::new(FindingSeverity::Note, Some("yaw"), "yaw wraps; it was made continuous"));
-    }
 }
 
 /// A vehicle that stands tells nothing.

@@ -19,6 +19,7 @@
 //! | `clock.rs` | its clock: unit, order, gaps, jitter |
 //! | `resample.rs` | a column on an even clock |
 //! | `agreement.rs` | relations between columns that reveal a wrong unit or sign |
+//! | `turning.rs` | yaw and yaw rate in radians, yaw without steps |
 //! | `units.rs` | the fewest foreign units that explain these relations |
 //! | `outliers.rs` | values beyond any vehicle, and rows that their neighbours contradict |
 //! | `frozen.rs` | stretches in which a sensor repeats its last value |
@@ -71,6 +72,7 @@ mod road;
 mod rows;
 mod saturated;
 mod steering;
+mod turning;
 mod units;
 
 pub use clean_log::{CleanError, CleanLog, Coarseness, UnusableLog};

@@ -251,7 +251,7 @@ pub enum PathError {
     },
     /// The spacing is that of another unit.
     #[error(
-        "{place}: points are {median:.3e} m apart (median) on {long:.3e} m of road; are `x`, `y` really in {unit}?"
+        "{place}: points are {median:.3e} m apart (median) on {long:.3e} m of road; `x`, `y` are hardly in {unit}: convert them"
     )]
     SuspiciousUnit {
         /// The road.

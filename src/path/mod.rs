@@ -44,6 +44,7 @@
 //! | `accuracy.rs`, `lap.rs` | digits of coordinates; laps of a log |
 //! | `segment.rs`, `pen.rs` | roads drawn exactly from straights, arcs and clothoids |
 //! | `sudoku.rs`, `truck_course.rs` | our own courses |
+//! | `quantity.rs`, `guessed.rs` | bank, grade, friction and speed between points; bends that the points do not tell |
 //! | `random.rs` | roads by the seed, to be searched and examined on |
 //! | `error.rs` | errors of a road |
 
@@ -54,12 +55,14 @@ mod draw;
 mod error;
 mod geodetic;
 mod grid;
+mod guessed;
 mod lap;
 mod noise;
 mod note;
 mod pen;
 mod project;
 mod quadrature;
+mod quantity;
 mod random;
 mod read;
 mod sample;
@@ -84,6 +87,7 @@ pub use write::{to_csv, write_csv};
 
 use crate::table::{self, TableError};
 use grid::{Cell, Grid, yaw_at};
+use quantity::{PathQuantity, Spot};
 use speed::SharedPlans;
 use spline::evaluate;
 use std::f64::consts::{PI, TAU};
@@ -383,33 +387,6 @@ impl Path {
         (length > 0.0).then(|| (tightest.0, 1.0 / tightest.1, length))
     }
 
-    /// A warning where the smooth line between two neighbouring points bends far from the straight line between them: the
-    /// points do not tell the road there.
-    fn guessed_bend(&self, marks: &[f64]) -> Option<Note> {
-        let place = |station: f64| {
-            let at = self.at(station);
-            [at.x, at.y]
-        };
-        let of_pair = |pair: &[f64]| {
-            let (from, to) = (place(pair[0]), place(pair[1]));
-            let chord = [to[0] - from[0], to[1] - from[1]];
-            let length = chord[0].hypot(chord[1]);
-            let beside = |k: u32| {
-                let at = place(pair[0] + (pair[1] - pair[0]) * f64::from(k) / f64::from(GUESSED_AT));
-                (chord[0] * (at[1] - from[1]) - chord[1] * (at[0] - from[0])).abs() / length
-            };
-            ((1..GUESSED_AT).map(beside).fold(0.0, f64::max), length, pair[0])
-        };
-        // Most roads' points are too near each other for it.
-        let pairs = marks.windows(2).filter(|pair| pair[1] - pair[0] > GUESSED / GUESSED_SHARE).map(of_pair);
-        let bent = pairs.filter(|(off, length, _)| *off > GUESSED && *off > GUESSED_SHARE * length);
-        let (off, length, station) = bent.max_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some(Note::warning(format!(
-            "the road between two points {length:.0} m apart, from station {station:.0} m on, bends {off:.1} m from the straight \
-             line between them: too few points tell where it bends; give more of them there"
-        )))
-    }
-
     /// Curvature at a station in 1/m, positive in left turns; 0 beyond the ends of an open path.
     #[must_use]
     #[inline]
@@ -492,22 +469,6 @@ impl Path {
     }
 }
 
-/// A station, resolved.
-struct Spot {
-    cell: usize,
-    offset: f64,
-    lap: f64,
-    /// Metres before the start (negative) or beyond the end of an open path.
-    beyond: f64,
-}
-
-/// Distance between a road and the straight line between two neighbouring points, m and share of theirs, from which on the
-/// points do not tell the road: a turn of 45 degrees, and most of a lane.
-const GUESSED: f64 = 2.0;
-const GUESSED_SHARE: f64 = 0.1;
-/// Parts of the road between two points that are looked at.
-const GUESSED_AT: u32 = 16;
-
 /// An angle in (-pi, pi].
 #[must_use]
 #[inline]
@@ -519,62 +480,5 @@ pub fn wrap_angle(angle: f64) -> f64 {
         wrapped - TAU
     } else {
         wrapped
-    }
-}
-
-/// A quantity along the path, linear between the grid's nodes; empty where it is the default everywhere.
-#[derive(Debug, Clone)]
-struct PathQuantity {
-    default: f64,
-    nodes: Vec<f64>,
-}
-
-impl PathQuantity {
-    fn new(
-        samples: &[Sample],
-        knots: &[f64],
-        default: f64,
-        value: fn(&Sample) -> Option<f64>,
-        stations: impl Iterator<Item = f64>,
-    ) -> Self {
-        if samples.iter().all(|sample| value(sample).is_none()) {
-            return Self { default, nodes: Vec::new() };
-        }
-        // A closed road's last knot is its first sample.
-        let at_knot = |i: usize| value(&samples[i % samples.len()]).unwrap_or(default);
-        let mut i = 0;
-        let nodes = stations
-            .map(|s| {
-                while i + 2 < knots.len() && s > knots[i + 1] {
-                    i += 1;
-                }
-                let share = ((s - knots[i]) / (knots[i + 1] - knots[i])).clamp(0.0, 1.0);
-                let (a, b) = (at_knot(i), at_knot(i + 1));
-                // The end values exactly, and a known value where the other one is missing.
-                if share == 0.0 || b.is_nan() {
-                    a
-                } else if share == 1.0 || a.is_nan() {
-                    b
-                } else {
-                    a + share * (b - a)
-                }
-            })
-            .collect();
-        Self { default, nodes }
-    }
-
-    #[inline]
-    fn at(&self, spot: &Spot, inverse_step: f64) -> f64 {
-        if self.nodes.is_empty() {
-            return self.default;
-        }
-        let (a, b) = (self.nodes[spot.cell], self.nodes[spot.cell + 1]);
-        if a.is_nan() {
-            b
-        } else if b.is_nan() {
-            a
-        } else {
-            a + spot.offset * inverse_step * (b - a)
-        }
     }
 }

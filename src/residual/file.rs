@@ -14,7 +14,8 @@
 
 use super::forest::Forest;
 use super::leaf::LeafModels;
-use super::model::{Kind, ResidualModelFor, Schema};
+use super::model::ResidualModelFor;
+use super::schema::{Kind, Schema};
 use super::tree::MAX_DEPTH;
 use super::{MAX_WINDOW, ROAD};
 use crate::input;

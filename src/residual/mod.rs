@@ -59,7 +59,8 @@
 //! | `train_config.rs`, `train.rs` | from a data set to a model and a report of its fit |
 //! | `stages.rs` | the training's stages: global fit, trees, leaves |
 //! | `measure.rs` | one-step errors of a model |
-//! | `model.rs` | the model: its description, and its coefficients at any features |
+//! | `schema.rs` | description of a model |
+//! | `model.rs` | the model: its coefficients at any features |
 //! | `linear.rs` | the trait of a residual, as a controller asks for it |
 //! | `fits.rs` | the check that a model fits a controller |
 //! | `lookahead.rs` | the same over the receding horizon of the controller |
@@ -84,6 +85,7 @@ mod model;
 mod prior;
 mod recorded;
 mod rows;
+mod schema;
 mod stages;
 mod table;
 mod train;
@@ -103,12 +105,11 @@ pub use least_squares::{Decomposed, Gram, Theta, Triangle};
 pub use linear::{EachRow, LinearResidual, ResidualRows, RowResidual};
 pub use lookahead::{Lookahead, LookedUp};
 pub use measure::FitErrors;
-pub use model::{
-    Coefficients, Kind, Range, Regressors, ResidualModel, ResidualModelFor, Schema, Training, TreeFeatures,
-};
+pub use model::{Coefficients, ResidualModel, ResidualModelFor};
 pub(crate) use prior::write_residual_of_actuator;
 pub use prior::{CommandPrior, residual_of_actuator};
 pub use recorded::{DataReport, Drive};
+pub use schema::{Kind, Range, Regressors, Schema, Training, TreeFeatures};
 pub use stages::{Progress, TrainingStage};
 pub use table::{Columns, Dense, Resolution};
 pub use train::{TrainError, TrainReport, Trained, train};

@@ -11,9 +11,10 @@
 use super::ROAD;
 use super::dataset::{DataSet, Windows};
 use super::measure::{FitErrors, measure};
-use super::model::{Kind, Range, Regressors, ResidualModelFor, Schema, Training};
+use super::model::ResidualModelFor;
 use super::prior::Means;
 use super::recorded::{DataReport, ROAD_NAMES};
+use super::schema::{Kind, Range, Regressors, Schema, Training};
 use super::stages::{Job, Progress, TrainingStage};
 use super::train_config::{ConfigError, TrainConfig};
 use crate::nominal::{ERRORS, LateralVehicle};

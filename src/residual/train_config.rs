@@ -1,8 +1,8 @@
 //! Settings of the training: sizes of the forest, regressors of its leaves, shrinkage.
 
 use super::forest::Block;
-use super::model::{Kind, Regressors, TreeFeatures};
 use super::prior::CommandPrior;
+use super::schema::{Kind, Regressors, TreeFeatures};
 use super::table::Resolution;
 use super::tree::MAX_DEPTH;
 use super::{MAX_WINDOW, ROAD};

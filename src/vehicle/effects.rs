@@ -3,6 +3,7 @@
 //! Each effect is declared once, here: its id is the field of [`Effects`], the FMU parameter `effect.<id>` and the
 //! word in a diagnosis. All are neutral by default. Sensor effects act on outputs only, never on the motion.
 
+use crate::numerics::Readable;
 use crate::signal::Unit;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -61,7 +62,7 @@ pub struct Effect {
 
 /// An effect's value is out of range.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("effect.{id} = {value} {} is outside {} ... {}; its neutral value is {}", effect.unit.symbol, effect.range.0, effect.range.1, effect.neutral)]
+#[error("effect.{id} = {} {} is outside {} ... {}; its neutral value is {}", Readable(*value), effect.unit.symbol, effect.range.0, effect.range.1, effect.neutral)]
 #[allow(missing_docs)]
 pub struct EffectOutOfRange {
     pub id: &'static str,

@@ -5,6 +5,7 @@ use super::effects::EffectOutOfRange;
 use super::tolerance::Tolerances;
 use super::tyre::{Coefficients, TirError, Tyre};
 use crate::input;
+use crate::numerics::Readable;
 use crate::signal::Unit;
 use serde::{Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
@@ -86,16 +87,32 @@ impl VehicleKind {
     /// car gives the error.
     #[must_use]
     pub fn of(vehicle: &str) -> Self {
-        let has_tractor =
-            |text: String| text.parse::<toml::Table>().is_ok_and(|vehicle| vehicle.contains_key("tractor"));
-        if builtin::BUILTIN_TRUCKS.contains(&vehicle)
-            || !builtin::BUILTIN.contains(&vehicle)
-                && input::read_text(Path::new(vehicle)).is_ok_and(has_tractor)
-        {
-            Self::Truck
-        } else {
-            Self::Car
-        }
+        Self::of_builtin(vehicle)
+            .or_else(|| Self::of_text(&input::read_text(Path::new(vehicle)).ok()?))
+            .unwrap_or(Self::Car)
+    }
+
+    fn of_builtin(vehicle: &str) -> Option<Self> {
+        [(Self::Car, builtin::BUILTIN), (Self::Truck, builtin::BUILTIN_TRUCKS)]
+            .into_iter()
+            .find_map(|(kind, names)| names.contains(&vehicle).then_some(kind))
+    }
+
+    /// The kind in the text of a vehicle file, by the section of its masses.
+    fn of_text(text: &str) -> Option<Self> {
+        let file = text.parse::<toml::Table>().ok()?;
+        [(Self::Truck, "tractor"), (Self::Car, "vehicle")]
+            .into_iter()
+            .find_map(|(kind, section)| file.contains_key(section).then_some(kind))
+    }
+}
+
+impl std::fmt::Display for VehicleKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Car => "car",
+            Self::Truck => "truck",
+        })
     }
 }
 
@@ -103,6 +120,8 @@ impl VehicleKind {
 pub trait VehicleParameters: DeserializeOwned + Serialize + Clone + std::fmt::Debug + 'static {
     /// Every number with name, unit, range and meaning.
     const TABLE: &'static [ParameterDeclaration<Self>];
+    /// What they are of.
+    const KIND: VehicleKind;
     /// Names of the built-in vehicles of this kind; the first is the default.
     const BUILTIN: &'static [&'static str];
 
@@ -135,6 +154,23 @@ pub trait VehicleParameters: DeserializeOwned + Serialize + Clone + std::fmt::De
         read(file)
     }
 
+    /// A built-in vehicle by name, else that of a file, which lies where `locate` says.
+    ///
+    /// # Errors
+    /// See [`VehicleError`].
+    fn named(name: &str, locate: impl FnOnce(&str) -> PathBuf) -> Result<Self, VehicleError> {
+        match VehicleKind::of_builtin(name) {
+            Some(kind) if kind == Self::KIND => Self::builtin(name),
+            Some(found) => Err(VehicleError::OtherKind {
+                name: name.to_owned(),
+                found,
+                wanted: Self::KIND,
+                builtin: Self::BUILTIN,
+            }),
+            None => Self::of_file(&locate(name)),
+        }
+    }
+
     /// The tyres with the key of their file.
     fn tyres(&mut self) -> Vec<(&'static str, &mut Tyre)>;
 
@@ -142,7 +178,26 @@ pub trait VehicleParameters: DeserializeOwned + Serialize + Clone + std::fmt::De
     ///
     /// # Errors
     /// See [`VehicleError`].
-    fn check_parts(&self, file: &Path) -> Result<(), VehicleError>;
+    fn check_parts(&self, place: &VehiclePlace) -> Result<(), VehicleError>;
+}
+
+/// Where a vehicle's number comes from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum VehiclePlace {
+    /// A file, and its line, counted from 1; 0 where none is known.
+    File(PathBuf, usize),
+    /// The vehicle of this name, with numbers that were set by a host or a program.
+    Set(String),
+}
+
+impl std::fmt::Display for VehiclePlace {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::File(file, 0) => write!(f, "vehicle file {}", file.display()),
+            Self::File(file, line) => write!(f, "vehicle file {}, line {line}", file.display()),
+            Self::Set(name) => write!(f, "vehicle '{name}' with the values set"),
+        }
+    }
 }
 
 /// Reasons for which a vehicle file could not be used.
@@ -155,17 +210,16 @@ pub enum VehicleError {
     /// No built-in vehicle has this name.
     #[error("there is no built-in vehicle '{name}'; there are: {}", builtin.join(", "))]
     UnknownBuiltin { name: String, builtin: &'static [&'static str] },
+    /// The vehicle is of the other kind.
+    #[error("vehicle '{name}' is a {found}, and a {wanted} is wanted here: give a file of one, or a built-in one: {}", builtin.join(", "))]
+    OtherKind { name: String, found: VehicleKind, wanted: VehicleKind, builtin: &'static [&'static str] },
     /// Not TOML, or a key that is missing, unknown or of the wrong type.
-    #[error("vehicle file {file}, line {line}: {message}; compare with the files in vehicles/")]
-    Syntax { file: PathBuf, line: usize, message: String },
+    #[error("{place}: {message}; compare with the files in vehicles/")]
+    Syntax { place: VehiclePlace, message: String },
     /// A value that is impossible for a vehicle.
-    #[error(
-        "vehicle file {file}, line {line}: {name} = {value} {} is outside {} ... {} ({meaning})",
-        unit, range.0, range.1
-    )]
+    #[error("{place}: {name} = {} {unit} is outside {} ... {} ({meaning})", Readable(*value), range.0, range.1)]
     Range {
-        file: PathBuf,
-        line: usize,
+        place: VehiclePlace,
         name: &'static str,
         value: f64,
         unit: &'static str,
@@ -174,25 +228,25 @@ pub enum VehicleError {
     },
     /// The unsprung masses leave nothing, or too little, for the body.
     #[error(
-        "vehicle file {file}: the unsprung masses ({unsprung} kg) must leave at least a tenth of {name} ({mass} kg) to \
-         the body; correct unsprung_mass in its [axle...] sections"
+        "{place}: the unsprung masses ({unsprung} kg) must leave at least a tenth of {name} ({mass} kg) to the body; \
+         correct {name} or the axles' unsprung_mass"
     )]
-    NoBody { file: PathBuf, name: &'static str, mass: f64, unsprung: f64 },
+    NoBody { place: VehiclePlace, name: &'static str, mass: f64, unsprung: f64 },
     /// Shares of the brake force that leave less than nothing to the last axle.
     #[error(
-        "vehicle file {file}: brake.front_share {front} and brake.trailer_share {trailer} are together more than 1; \
-         the rear axle has the rest"
+        "{place}: brake.front_share {front} and brake.trailer_share {trailer} are together more than 1; the rear axle \
+         has the rest"
     )]
-    BrakeShares { file: PathBuf, front: f64, trailer: f64 },
+    BrakeShares { place: VehiclePlace, front: f64, trailer: f64 },
     /// An effect out of range.
-    #[error("vehicle file {file}: {source}")]
-    Effect { file: PathBuf, source: EffectOutOfRange },
+    #[error("{place}: {source}")]
+    Effect { place: VehiclePlace, source: EffectOutOfRange },
     /// The parameters were not read by `read` or `parse`, which read the tyres too.
-    #[error("vehicle file {file}: its tyres have not been read; use `read` of the vehicle's parameters")]
-    NoTyres { file: PathBuf },
+    #[error("{place}: its tyres have not been read; use `read` of the vehicle's parameters")]
+    NoTyres { place: VehiclePlace },
     /// The tyre file that the vehicle names cannot be used.
-    #[error("vehicle file {file}, {key}: {source}")]
-    Tyre { file: PathBuf, key: &'static str, source: Box<TirError> },
+    #[error("{place}, {key}: {source}")]
+    Tyre { place: VehiclePlace, key: &'static str, source: Box<TirError> },
 }
 
 /// Reads a vehicle file and the tyre files that it names.
@@ -219,14 +273,20 @@ pub(super) fn parse<V: VehicleParameters>(
     file: &Path,
     tyre: impl Fn(&str) -> Result<Coefficients, TirError>,
 ) -> Result<V, VehicleError> {
-    let mut vehicle: V = toml::from_str(text).map_err(|error| VehicleError::Syntax {
-        file: file.to_path_buf(),
-        line: error.span().map_or(1, |span| line_at(text, span.start)),
-        message: error.message().replace('\n', " "),
+    let whole = || VehiclePlace::File(file.to_path_buf(), 0);
+    let mut vehicle: V = toml::from_str(text).map_err(|error| match VehicleKind::of_text(text) {
+        Some(found) if found != V::KIND => {
+            let (name, wanted) = (file.display().to_string(), V::KIND);
+            VehicleError::OtherKind { name, found, wanted, builtin: V::BUILTIN }
+        }
+        _ => {
+            let (line, message) = input::toml_error(text, &error);
+            VehicleError::Syntax { place: VehiclePlace::File(file.to_path_buf(), line), message }
+        }
     })?;
     for (key, axle) in vehicle.tyres() {
         let coefficients = tyre(&axle.file).map_err(|source| VehicleError::Tyre {
-            file: file.to_path_buf(),
+            place: whole(),
             key,
             source: Box::new(source),
         })?;
@@ -235,36 +295,37 @@ pub(super) fn parse<V: VehicleParameters>(
         }
         axle.coefficients = Some(coefficients);
     }
-    check(&vehicle, file, |name| line_of(text, name))?;
+    check(&vehicle, |name| {
+        VehiclePlace::File(file.to_path_buf(), name.map_or(0, |name| line_of(text, name)))
+    })?;
     Ok(vehicle)
 }
 
-/// Checks every value against the ranges of vehicles.
+/// Checks every value against the ranges of vehicles; `place` tells where a number stands, or all of them.
 pub(super) fn check<V: VehicleParameters>(
     vehicle: &V,
-    file: &Path,
-    line: impl Fn(&str) -> usize,
+    place: impl Fn(Option<&str>) -> VehiclePlace,
 ) -> Result<(), VehicleError> {
     for parameter in V::TABLE {
         let value = parameter.get(vehicle);
         let &ParameterDeclaration { name, unit, range, meaning, .. } = parameter;
         if !(value >= range.0 && value <= range.1) {
-            let (file, line, unit) = (file.to_path_buf(), line(name), unit.symbol);
-            return Err(VehicleError::Range { file, line, name, value, unit, range, meaning });
+            let (place, unit) = (place(Some(name)), unit.symbol);
+            return Err(VehicleError::Range { place, name, value, unit, range, meaning });
         }
     }
-    vehicle.check_parts(file)
+    vehicle.check_parts(&place(None))
 }
 
 /// Checks that the unsprung masses (kg) leave a body.
 pub(super) fn check_body(
-    file: &Path,
+    place: &VehiclePlace,
     name: &'static str,
     mass: f64,
     unsprung: f64,
 ) -> Result<(), VehicleError> {
     if unsprung > 0.9 * mass {
-        return Err(VehicleError::NoBody { file: file.to_path_buf(), name, mass, unsprung });
+        return Err(VehicleError::NoBody { place: place.clone(), name, mass, unsprung });
     }
     Ok(())
 }
@@ -298,17 +359,12 @@ macro_rules! reading {
             /// # Errors
             /// See [`VehicleError`]: a value out of range, or parts that do not fit together.
             pub fn check(&self) -> Result<(), VehicleError> {
-                super::file::check(self, std::path::Path::new(&self.name), |_| 0)
+                super::file::check(self, |_| super::file::VehiclePlace::Set(self.name.clone()))
             }
         }
     };
 }
 pub(super) use reading;
-
-/// Line (from 1) of a byte of a text.
-fn line_at(text: &str, byte: usize) -> usize {
-    text.bytes().take(byte).filter(|byte| *byte == b'\n').count() + 1
-}
 
 /// Line (from 1) of the key `section.key` in a TOML text as ours are written; 0 if it does not stand there.
 fn line_of(text: &str, name: &str) -> usize {

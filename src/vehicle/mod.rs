@@ -59,7 +59,7 @@ pub use effects::{
 };
 pub use explain::{Explanation, effect_like};
 pub(crate) use file::range_of;
-pub use file::{ParameterDeclaration, VehicleError, VehicleKind, VehicleParameters};
+pub use file::{ParameterDeclaration, VehicleError, VehicleKind, VehicleParameters, VehiclePlace};
 pub use parameters::{
     Air, Axle, Body, Brake, CarParameters, GRAVITY, Pair, Powertrain, SingleTrack, Steering, builtin,
 };

@@ -6,11 +6,13 @@
 
 use super::builtin::{BUILTIN, CARS};
 use super::effects::Effects;
-use super::file::{self, ParameterDeclaration, VehicleError, VehicleParameters, check_body, reading, table};
+use super::file::{
+    self, ParameterDeclaration, VehicleError, VehicleKind, VehicleParameters, VehiclePlace, check_body,
+    reading, table,
+};
 use super::tolerance::Tolerances;
 use super::tyre::{Coefficients, Tyre, TyreModel};
 use serde::{Deserialize, Serialize};
-use std::path::Path;
 
 pub use crate::signal::GRAVITY;
 
@@ -231,6 +233,7 @@ pub fn builtin(name: &str) -> Result<CarParameters, VehicleError> {
 
 impl VehicleParameters for CarParameters {
     const TABLE: &'static [ParameterDeclaration<Self>] = Self::TABLE;
+    const KIND: VehicleKind = VehicleKind::Car;
     const BUILTIN: &'static [&'static str] = BUILTIN;
     type Effects = Effects;
 
@@ -258,13 +261,13 @@ impl VehicleParameters for CarParameters {
         vec![("tyre.front.file", &mut self.tyre.front), ("tyre.rear.file", &mut self.tyre.rear)]
     }
 
-    fn check_parts(&self, file: &Path) -> Result<(), VehicleError> {
-        self.effect.check().map_err(|source| VehicleError::Effect { file: file.to_path_buf(), source })?;
+    fn check_parts(&self, place: &VehiclePlace) -> Result<(), VehicleError> {
+        self.effect.check().map_err(|source| VehicleError::Effect { place: place.clone(), source })?;
         if self.tyre.front.coefficients.is_none() || self.tyre.rear.coefficients.is_none() {
-            return Err(VehicleError::NoTyres { file: file.to_path_buf() });
+            return Err(VehicleError::NoTyres { place: place.clone() });
         }
         let unsprung = self.axle.front.unsprung_mass + self.axle.rear.unsprung_mass;
-        check_body(file, "vehicle.mass", self.vehicle.mass, unsprung)
+        check_body(place, "vehicle.mass", self.vehicle.mass, unsprung)
     }
 }
 

@@ -6,12 +6,14 @@
 use super::articulated::Articulated;
 use super::builtin::{BUILTIN_TRUCKS, TRUCKS};
 use super::effects::TruckEffects;
-use super::file::{self, ParameterDeclaration, VehicleError, VehicleParameters, check_body, reading, table};
+use super::file::{
+    self, ParameterDeclaration, VehicleError, VehicleKind, VehicleParameters, VehiclePlace, check_body,
+    reading, table,
+};
 use super::parameters::{Axle, Body, GRAVITY, Steering, relaxation_at_rest};
 use super::tolerance::Tolerances;
 use super::tyre::{Coefficients, Tyre};
 use serde::{Deserialize, Serialize};
-use std::path::Path;
 
 /// All parameters of a truck. Units stand in [`TruckParameters::TABLE`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -217,6 +219,7 @@ pub fn builtin_truck(name: &str) -> Result<TruckParameters, VehicleError> {
 
 impl VehicleParameters for TruckParameters {
     const TABLE: &'static [ParameterDeclaration<Self>] = Self::TABLE;
+    const KIND: VehicleKind = VehicleKind::Truck;
     const BUILTIN: &'static [&'static str] = BUILTIN_TRUCKS;
     type Effects = TruckEffects;
 
@@ -248,18 +251,18 @@ impl VehicleParameters for TruckParameters {
         ]
     }
 
-    fn check_parts(&self, file: &Path) -> Result<(), VehicleError> {
-        self.effect.check().map_err(|source| VehicleError::Effect { file: file.to_path_buf(), source })?;
+    fn check_parts(&self, place: &VehiclePlace) -> Result<(), VehicleError> {
+        self.effect.check().map_err(|source| VehicleError::Effect { place: place.clone(), source })?;
         let Triple { front, rear, trailer } = &self.tyre;
         if [front, rear, trailer].iter().any(|tyre| tyre.coefficients.is_none()) {
-            return Err(VehicleError::NoTyres { file: file.to_path_buf() });
+            return Err(VehicleError::NoTyres { place: place.clone() });
         }
         let unsprung = self.axle.front.unsprung_mass + self.axle.rear.unsprung_mass;
-        check_body(file, "tractor.mass", self.tractor.mass, unsprung)?;
-        check_body(file, "trailer.mass", self.trailer.mass, self.axle.trailer.unsprung_mass)?;
+        check_body(place, "tractor.mass", self.tractor.mass, unsprung)?;
+        check_body(place, "trailer.mass", self.trailer.mass, self.axle.trailer.unsprung_mass)?;
         let TruckBrake { front_share: front, trailer_share: trailer, .. } = self.brake;
         if front + trailer > 1.0 {
-            return Err(VehicleError::BrakeShares { file: file.to_path_buf(), front, trailer });
+            return Err(VehicleError::BrakeShares { place: place.clone(), front, trailer });
         }
         Ok(())
     }

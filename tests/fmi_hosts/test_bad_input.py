@@ -246,7 +246,7 @@ ROADS = {
     ),
     "truncated in mid-row": (GOOD_ROAD + "100", ["line 52", "1 values", "2 columns"]),
     "no column y": ("x,z\n0,0\n1,1\n", ["line 1", "`"]),
-    "centimetres": ("x,y\n" + "".join(f"{x}e5,0\n" for x in range(50)), ["apart", "really in m"]),
+    "centimetres": ("x,y\n" + "".join(f"{x}e5,0\n" for x in range(50)), ["apart", "hardly in m"]),
     "turns back": ("x,y\n0,0\n2,0\n4,0\n1,0\n6,0\n8,0\n", ["turns back", "driving order"]),
     "a picture": ("\x00\x01PNG\ufffd\n\x00,\x00,\x00\n", ["`"]),
 }

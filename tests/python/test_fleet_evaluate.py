@@ -28,6 +28,8 @@ def test_each_plant_and_noise_is_a_task_and_its_results_lie_beside_the_others(ev
         out = Path(words[words.index("--out") + 1])
         noise = "_noise" if words[words.index("--noise") + 1] == "on" else ""
         name = words[words.index("--plants") + 1] + noise
+        if (out / f"{name}.json").exists():
+            return f"{name}: there already ({out / name}.json); delete the file to repeat it\n"
         (out / f"drives_{name}").mkdir(parents=True)
         (out / f"{name}.json").write_text(" ".join(words))
         return "a table\n"
@@ -42,7 +44,21 @@ def test_each_plant_and_noise_is_a_task_and_its_results_lie_beside_the_others(ev
     for name in ("lag", "lag_noise"):
         words = (out / f"{name}.json").read_text()
         assert "--quick" in words and "--dask" not in words and (out / f"drives_{name}").is_dir()
-    assert "as_is: there already" in capsys.readouterr().out
+    assert f"as_is: there already ({out / 'as_is'}.json)" in capsys.readouterr().out
+
+
+def test_results_of_another_vehicle_are_refused_and_stay(evaluate, tmp_path, monkeypatch, capsys):
+    def said(words):
+        if "--list" in words:
+            return "lag off\n"
+        out = Path(words[words.index("--out") + 1])
+        raise evaluate.RflError(f'{out / "lag.json"}: holds results of the vehicle "A"')
+
+    monkeypatch.setattr(evaluate, "said", said)
+    (tmp_path / "lag.json").write_text("of another")
+    assert evaluate.main(["--dask", "local", "--out", str(tmp_path)]) == 1
+    assert (tmp_path / "lag.json").read_text() == "of another"
+    assert capsys.readouterr().err.startswith(f"error: {tmp_path / 'lag.json'}: holds results")
 
 
 def test_what_a_run_without_dask_left_unfinished_is_gone_on_with(evaluate, tmp_path, monkeypatch):

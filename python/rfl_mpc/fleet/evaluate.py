@@ -1,13 +1,12 @@
 """``rfl evaluate --dask``: each plant with each noise is a task of its own, for none needs another's results.
 
 A task is ``rfl evaluate`` of one plant and noise in a folder of its own below ``--out``, which workers see at the
-same place. It goes on where it was stopped, as ever; what is whole is moved beside the others. Times of a step are
-of the machine that the task ran on, with whatever else ran there.
+same place. It goes on with the results that are there, if they are of the same vehicle and options; what is whole is
+moved beside the others. Times of a step are of the machine that the task ran on, with whatever else ran there.
 """
 
 from __future__ import annotations
 
-import json
 import shutil
 import subprocess
 import sys
@@ -44,14 +43,6 @@ def said(words: Sequence[str]) -> str:
     return done.stdout
 
 
-def unfinished(file: Path) -> bool:
-    """True for the results of a run without Dask that was stopped."""
-    try:
-        return json.loads(file.read_text(encoding="utf-8")).get("unfinished") is True
-    except (ValueError, AttributeError):
-        return False
-
-
 def main(words: Sequence[str]) -> int:
     """Runs ``rfl evaluate`` with ``--dask`` among its words; gives the exit status."""
     from distributed import as_completed
@@ -75,18 +66,21 @@ def main(words: Sequence[str]) -> int:
         for plant, noise in conditions:
             name = f"{plant}{'_noise' if noise == 'on' else ''}"
             there, part = folder / f"{name}.json", folder / "parts" / name
-            if there.exists() and not unfinished(there):
-                print(f"{name}: there already ({there}); delete the file to repeat it")
-                continue
+            # A copy: whether results belong to what is asked is for the task to say.
             if there.exists() and not (part / there.name).exists():
                 part.mkdir(parents=True, exist_ok=True)
-                shutil.move(there, part / there.name)
+                shutil.copyfile(there, part / there.name)
             jobs[name] = [*words, "--plants", plant, "--noise", noise, "--threads", "1", "--out", str(part), "--quiet"]
         with cluster(address) as client:
             tasks = {client.submit(said, job, key=f"evaluate-{name}", pure=False): name for name, job in jobs.items()}
             for task in tqdm(as_completed(tasks), total=len(tasks), unit="plant", file=sys.stderr):
-                text, name = task.result(), tasks[task]
-                for found in (folder / "parts" / name).iterdir():
+                name = tasks[task]
+                part = folder / "parts" / name
+                try:
+                    text = task.result().replace(str(part), str(folder))
+                except RflError as error:
+                    raise RflError(str(error).replace(str(part), str(folder))) from None
+                for found in part.iterdir():
                     if not found.name.startswith("."):
                         if found.is_dir():
                             shutil.rmtree(folder / found.name, ignore_errors=True)

@@ -10,6 +10,7 @@ use crate::fmi::model::{Array, Model};
 use crate::fmi::types::Status;
 use crate::fmi::value::Value;
 use crate::fmi::variable::{Causality, Initial, Variability, Variable, VariableKind, Vr};
+use crate::numerics::Readable;
 use std::ffi::{CStr, CString, c_char};
 
 impl<M: Model> Instance<M> {
@@ -142,7 +143,7 @@ impl<M: Model> Instance<M> {
                 let low = min.unwrap_or(f64::NEG_INFINITY);
                 let high = max.unwrap_or(f64::INFINITY);
                 if !(low..=high).contains(value) {
-                    self.outside(vr, format_args!("{value}"), format_args!("[{low}, {high}]"))?;
+                    self.outside(vr, format_args!("{}", Readable(*value)), format_args!("[{low}, {high}]"))?;
                     status = Status::Warning;
                     continue;
                 }

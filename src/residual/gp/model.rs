@@ -13,7 +13,7 @@ use super::sparse::Sparse;
 use super::{GP_OUTPUTS, INPUTS, TRUCK_GP_OUTPUTS, TRUCK_INPUTS};
 use crate::nominal::LateralVehicle;
 use crate::residual::fits::{Expected, ModelMismatch, same};
-use crate::residual::model::Range;
+use crate::residual::schema::Range;
 use crate::vehicle::{Articulated, SingleTrack};
 use serde::{Deserialize, Serialize};
 

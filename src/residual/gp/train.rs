@@ -19,7 +19,7 @@ use crate::nominal::SingleTrackError;
 use crate::numerics::Random;
 use crate::numerics::parallel;
 use crate::residual::dataset::DataSet;
-use crate::residual::model::Range;
+use crate::residual::schema::Range;
 use crate::residual::stages::{Progress, TrainingStage};
 use crate::residual::train_config::ConfigError;
 use crate::signal;

@@ -14,7 +14,7 @@
 //! | `model.rs` | the trait of a formula, and four tyres side by side |
 //! | `coefficients.rs` | the names of the standard's coefficients, their defaults |
 //! | `tir.rs` | reading a `.tir` file |
-//! | `magic_formula.rs` | the formula |
+//! | `magic_formula.rs`, `magic_formula/` | the formula; its self-aligning moment |
 //! | `of_axle.rs` | the tyres of an axle: a file and factors on it |
 //!
 //! Source: H. B. Pacejka, Tyre and Vehicle Dynamics, 2nd ed., section 4.3.2 (signs: ISO; `PKY1 < 0`).
