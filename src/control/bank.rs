@@ -1,7 +1,7 @@
 //! A bank of hypotheses of the steering actuator, scored while driving: the actuator need not be given.
 //!
-//! Hypothesis `h` is a dead time `T_h` and a lag `tau_h`. Run over the issued commands it gives an angle `delta_h(k)`,
-//! and from that the measurements, each by a linear regression of its own:
+//! Hypothesis `h` is a dead time `T_h`, a lag `tau_h`, and behind them a gap of the linkage, of width `w_h`. Run over the issued
+//! commands it gives an angle `delta_h(k)`, and from that the measurements, each by a linear regression of its own:
 //!
 //! ```text
 //! steer(k)                     = g delta_h(k) + o + e                               gain and zero of the sensor
@@ -20,7 +20,8 @@
 //! An unconnected sensor has the same residual under each hypothesis and is uninformative.
 //!
 //! The prior is that of the vehicle's file, mixed with ignorance. The controller predicts with the mean of the hypotheses, and
-//! is the calmer the wider they spread.
+//! is the calmer the wider they spread. A gap that is more probable than none is taken up: without hypotheses of a gap a
+//! vehicle that has one seems to have a dead time, and a calm controller weaves through the gap.
 //!
 //! Source: multiple-model estimation, Magill 1965; Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking
 //! and Navigation, 2001, ch. 11.6; the integrated likelihood: Gelman and others, Bayesian Data Analysis, ch. 14.
@@ -34,6 +35,12 @@ const LONGEST_DEAD_TIME: f64 = 0.36;
 const DEAD_TIME_SPACING: f64 = 0.02;
 /// Time constants of the hypotheses, s.
 const LAGS: [f64; 7] = [0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3];
+/// Widths of gaps of the hypotheses, rad, and the dead times, s, and lags that they are combined with beside the file's.
+const GAPS: [f64; 9] = [0.0015, 0.0025, 0.004, 0.0055, 0.0075, 0.01, 0.014, 0.02, 0.03];
+const GAP_DEAD_TIMES: [f64; 3] = [0.0, 0.06, 0.14];
+const GAP_LAGS: [usize; 3] = [0, 2, 4];
+/// Prior odds of a gap that the file does not know.
+const PRIOR_OF_GAP: f64 = 0.1;
 /// Prior probability that the actuator is the file's. A file deserves it if nobody has looked up its dead time and lag.
 const PRIOR_OF_FILE: f64 = 0.8;
 /// Expected size of residuals before any is seen. Noise of an angle sensor with the play of a linkage, rad, and
@@ -67,6 +74,8 @@ pub struct KnownActuator {
     pub spread: f64,
     /// True once the drive has halved the standard deviation that was before it.
     pub shown: bool,
+    /// Width of the steering's gap, rad: the file's, or that which the drive shows.
+    pub backlash: f64,
 }
 
 /// A first-order lag behind a dead time of a fraction of a step, sampled just before each command.
@@ -83,9 +92,12 @@ struct Lag {
 pub struct Bank {
     sample_time: f64,
     lags: Vec<Lag>,
-    /// Lag, whole steps of dead time, dead time in s, logarithm of the prior.
+    /// Lags whose angle passes a gap, and its width: rings behind those of the lags.
+    gaps: Vec<(usize, f64)>,
     hypotheses: Vec<ActuatorHypothesis>,
     file: Actuator,
+    /// Width of the file's gap, rad.
+    backlash: f64,
     /// Places of each lag's past angles.
     reach: usize,
     /// Standard deviation of the sum of dead time and lag before the drive, s.
@@ -95,7 +107,13 @@ pub struct Bank {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct ActuatorHypothesis {
     lag: usize,
+    /// Ring of its angle.
+    ring: usize,
+    /// Width of the gap beyond the file's, rad.
+    gap: f64,
+    /// Whole steps of the dead time.
     delay: usize,
+    /// Dead time, s.
     dead_time: f64,
     log_prior: f64,
 }
@@ -150,9 +168,9 @@ impl Lag {
 }
 
 impl Bank {
-    /// The hypotheses beside the file's actuator.
+    /// The hypotheses beside the file's actuator, whose gap has a width of `backlash`, rad.
     #[must_use]
-    pub fn new(file: Actuator, sample_time: f64) -> Self {
+    pub fn new(file: Actuator, backlash: f64, sample_time: f64) -> Self {
         let steps = |time: f64| (time / sample_time + 1e-9).floor() as usize;
         let mut lags: Vec<Lag> = LAGS.iter().map(|&lag| Lag::new(lag, 0.0, sample_time)).collect();
         let spacing = DEAD_TIME_SPACING.max(sample_time);
@@ -161,7 +179,14 @@ impl Bank {
             let delay = (k as f64 * spacing / sample_time).round() as usize;
             let dead_time = delay as f64 * sample_time;
             for lag in 0..lags.len() {
-                hypotheses.push(ActuatorHypothesis { lag, delay, dead_time, log_prior: 0.0 });
+                hypotheses.push(ActuatorHypothesis {
+                    lag,
+                    ring: lag,
+                    gap: 0.0,
+                    delay,
+                    dead_time,
+                    log_prior: 0.0,
+                });
             }
         }
         let ignorance = ((1.0 - PRIOR_OF_FILE) / hypotheses.len() as f64).ln();
@@ -175,12 +200,41 @@ impl Bank {
         let lag = lags.len() - 1;
         hypotheses.push(ActuatorHypothesis {
             lag,
+            ring: lag,
+            gap: 0.0,
             delay,
             dead_time: file.dead_time,
             log_prior: PRIOR_OF_FILE.ln(),
         });
+        let mut gaps = Vec::new();
+        let among = (GAP_LAGS.len() * GAP_DEAD_TIMES.len() * GAPS.len()) as f64;
+        let [of_file, ignorance] = [PRIOR_OF_FILE / GAPS.len() as f64, (1.0 - PRIOR_OF_FILE) / among]
+            .map(|share| (PRIOR_OF_GAP * share).ln());
+        for gap in GAPS {
+            let ring = lags.len() + gaps.len();
+            gaps.push((lag, backlash + gap));
+            let dead_time = file.dead_time;
+            hypotheses.push(ActuatorHypothesis { lag, ring, gap, delay, dead_time, log_prior: of_file });
+            for lag in GAP_LAGS {
+                let ring = lags.len() + gaps.len();
+                gaps.push((lag, backlash + gap));
+                for dead_time in GAP_DEAD_TIMES {
+                    let delay = (dead_time / sample_time).round() as usize;
+                    let dead_time = delay as f64 * sample_time;
+                    hypotheses.push(ActuatorHypothesis {
+                        lag,
+                        ring,
+                        gap,
+                        delay,
+                        dead_time,
+                        log_prior: ignorance,
+                    });
+                }
+            }
+        }
         let reach = hypotheses.iter().map(|h| h.delay).max().unwrap_or(0) + 2;
-        let mut bank = Self { sample_time, lags, hypotheses, file, reach, spread_before: 0.0 };
+        let mut bank =
+            Self { sample_time, lags, gaps, hypotheses, file, backlash, reach, spread_before: 0.0 };
         bank.spread_before = bank.state().known.spread;
         bank
     }
@@ -189,10 +243,10 @@ impl Bank {
     #[must_use]
     pub fn state(&self) -> BankState {
         let count = self.hypotheses.len();
-        let known = KnownActuator { actuator: self.file, spread: 0.0, shown: false };
+        let known = KnownActuator { actuator: self.file, spread: 0.0, shown: false, backlash: self.backlash };
         let mut state = BankState {
             commands: None,
-            angles: vec![0.0; self.lags.len() * self.reach],
+            angles: vec![0.0; (self.lags.len() + self.gaps.len()) * self.reach],
             newest: 0,
             steer: Steer { common: [0.0; 3], each: vec![[0.0; 3]; count] },
             yaw: Yaw { common: Default::default(), each: vec![[0.0; BESIDE + 2]; count] },
@@ -209,7 +263,7 @@ impl Bank {
     #[must_use]
     pub fn fits(&self, state: &BankState) -> bool {
         let count = self.hypotheses.len();
-        state.angles.len() == self.lags.len() * self.reach
+        state.angles.len() == (self.lags.len() + self.gaps.len()) * self.reach
             && state.newest < self.reach
             && state.best < count
             && state.steer.each.len() == count
@@ -240,6 +294,12 @@ impl Bank {
         for (lag, angles) in self.lags.iter().zip(state.angles.chunks_exact_mut(self.reach)) {
             angles[state.newest] = lag.decay * angles[before] + lag.newer * newer + lag.older * older;
         }
+        let (by_lag, by_gap) = state.angles.split_at_mut(self.lags.len() * self.reach);
+        for (&(lag, width), angles) in self.gaps.iter().zip(by_gap.chunks_exact_mut(self.reach)) {
+            let driving = by_lag[lag * self.reach + state.newest];
+            // The wheels rest while the linkage crosses the gap.
+            angles[state.newest] = angles[before].max(driving - 0.5 * width).min(driving + 0.5 * width);
+        }
         if !trusted {
             state.before = None;
             return;
@@ -260,7 +320,7 @@ impl Bank {
     fn angle(&self, state: &BankState, hypothesis: &ActuatorHypothesis, ago: usize) -> f64 {
         let back = hypothesis.delay + ago;
         let place = (state.newest + self.reach - back % self.reach) % self.reach;
-        state.angles[hypothesis.lag * self.reach + place]
+        state.angles[hypothesis.ring * self.reach + place]
     }
 
     /// Mean and variance over the hypotheses.
@@ -360,7 +420,7 @@ impl Bank {
                 (best, state.best) = (value, k);
             }
         }
-        let (mut total, mut means) = (0.0, [0.0; 4]);
+        let (mut total, mut means, mut of_gap) = (0.0, [0.0; 4], [0.0; 2]);
         for (hypothesis, log) in self.hypotheses.iter().zip(&state.log_likelihood) {
             let probability = (log - best).exp();
             if probability < 1e-6 {
@@ -369,16 +429,22 @@ impl Bank {
             let lag = self.lags[hypothesis.lag].lag;
             let delay = hypothesis.dead_time + lag;
             total += probability;
+            if hypothesis.gap > 0.0 {
+                of_gap = [of_gap[0] + probability, of_gap[1] + probability * hypothesis.gap];
+            }
             for (mean, value) in means.iter_mut().zip([hypothesis.dead_time, lag, delay, delay * delay]) {
                 *mean += probability * value;
             }
         }
         let [dead_time, time_constant, delay, square] = means.map(|mean| mean / total);
         let spread = (square - delay * delay).max(0.0).sqrt();
+        // A vehicle that has none is not steered as if it had a small one.
+        let further = if of_gap[0] > 0.5 * total { of_gap[1] / of_gap[0] } else { 0.0 };
         state.known = KnownActuator {
             actuator: Actuator { dead_time, time_constant, dead_time_model: DeadTimeModel::Exact },
             spread,
             shown: spread <= 0.5 * self.spread_before,
+            backlash: self.backlash + further,
         };
     }
 }

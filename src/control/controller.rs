@@ -30,6 +30,7 @@ use super::longitudinal::{LongitudinalMpc, LongitudinalState};
 use super::observer::{Observer, ObserverNoise};
 use super::parameters::{ControllerParametersFor, NominalVehicle, SpeedController};
 use super::preview::SpeedAhead;
+use super::rate_sensor::RateSensor;
 use super::status::ControlStatus;
 use super::step::{Measurement, StepError, StepReport};
 use super::tracking_qp::{QpError, QpReport, TrackingQp};
@@ -74,6 +75,7 @@ pub struct ControllerState<const S: usize = ERRORS> {
     /// None where the prediction has no actuator to find.
     bank: Option<BankState>,
     guard: GuardState,
+    rate_sensor: RateSensor,
     /// Trust in the learned model.
     fading: Fading<S>,
     /// Time of the last step, s, where it was given.
@@ -171,16 +173,19 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             curvature_rate: steered(mpc.steer_rate_max / vehicle.wheelbase()),
             curvature: mpc.steer_max.tan() / vehicle.wheelbase(),
             lateral_jerk: steered(mpc.lateral_jerk_max),
-            grip: G::GRIP,
+            grip: speed.grip,
         };
         let plan = path.plan_to_the_end(&limits);
         let further = parameters.vehicle.further_states();
         let noise = ObserverNoise::new(&parameters.observer, &further, parameters.mpc.sample_time);
         let bank = match &model {
-            PredictionModelFor::Adaptive(known) => Some(Bank::new(*known, parameters.mpc.sample_time)),
+            PredictionModelFor::Adaptive(known) => {
+                Some(Bank::new(*known, parameters.actuator.backlash, parameters.mpc.sample_time))
+            }
             // A residual holds the actuator; the road is followed ahead of it.
             PredictionModelFor::Residual(_) if parameters.mpc.follow_road == 1 => {
-                Some(Bank::new(parameters.actuator.actuator(), parameters.mpc.sample_time))
+                let actuator = parameters.actuator;
+                Some(Bank::new(actuator.actuator(), actuator.backlash, parameters.mpc.sample_time))
             }
             _ => None,
         };
@@ -209,6 +214,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             observer: Observer::default(),
             bank: bank.as_ref().map(Bank::state),
             guard: GuardState::default(),
+            rate_sensor: RateSensor::new(&parameters.observer),
             fading: Fading::default(),
             time: None,
             on_path: false,
@@ -285,8 +291,13 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let verdict = self.guard.judge(&mut self.state.guard, &mut seen, elapsed, commands, on_road)?;
         if verdict == Judgement::Moved {
             self.forget();
+            self.state.rate_sensor.move_to(seen.yaw, &self.parameters.observer);
         }
         let bridged = verdict == Judgement::Bridged;
+        if self.parameters.observer.yaw_rate_bias > 0.0 {
+            let (yaw, noise) = ((!bridged).then_some(seen.yaw), &self.parameters.observer);
+            seen.yaw_rate = self.state.rate_sensor.correct(yaw, seen.yaw_rate, elapsed, noise);
+        }
         let stops = self.guard.stops(&self.state.guard);
         let measurement = &seen;
         let mut report = self.locate(measurement);
@@ -299,7 +310,8 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let state = G::Vehicle::state(&errors, measurement);
         self.state.history.observe(&state, previous);
         if let (Some(bank), Some(state)) = (&self.bank, &mut self.state.bank) {
-            bank.observe(state, measurement, previous, !bridged);
+            let issued = previous + self.parameters.actuator.gain * self.state.taken_up;
+            bank.observe(state, measurement, issued, !bridged);
         }
         if bridged || far {
             self.state.fading.expect(None);
@@ -325,7 +337,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         if report.status == ControlStatus::Optimal {
             report.steer_cmd += self.dither();
         }
-        report.steer_cmd = self.within_bounds(report.steer_cmd, previous, measurement.vx);
+        report.steer_cmd = self.within_bounds(report.steer_cmd, previous, measurement.vx, far);
         if self.parameters.mpc.dither > 0.0 && self.parameters.mpc.follow_road == 1 {
             self.state.dither = report.steer_cmd - planned;
         }

@@ -14,6 +14,7 @@
 //! | `bank.rs` | hypotheses of the steering actuator, scored while driving |
 //! | `history.rs` | the window of states and commands of a learned residual |
 //! | `observer.rs` | state and disturbance from noisy measurements: offset-free tracking |
+//! | `rate_sensor.rs` | bias and scale of the yaw-rate sensor, by the yaw angle |
 //! | `preview.rs` | the road over the horizon |
 //! | `reference.rs` | states and steering of following the road |
 //! | `lateral.rs` | the MPC: road ahead, cost, bounds |
@@ -55,6 +56,7 @@ mod margins;
 mod observer;
 mod parameters;
 mod preview;
+mod rate_sensor;
 mod reference;
 mod sampler;
 mod solve;

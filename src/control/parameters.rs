@@ -8,8 +8,9 @@ use crate::enumeration;
 use crate::nominal::{Actuator, DeadTimeModel, LateralVehicle};
 use crate::parameter::{OutOfRange, Parameter, ParameterGroup};
 use crate::parameters;
-use crate::path::Path;
+use crate::path::{CAR_GRIP, Path, USED_GRIP};
 use crate::residual::DataConfig;
+use crate::signal::GRAVITY;
 use crate::vehicle::{CarParameters, SingleTrack, Steering, range_of};
 
 /// Steps of the prediction that the FMU shows as outputs; longer horizons are allowed.
@@ -80,6 +81,7 @@ parameters! {
         controller: usize = 0, ONE in 0.0, 1.0; "speed.controller", "How the speed plan is tracked: 0 by feedforward and PI; 1 by MPC of speed and lag error (longitudinal.*)"
         gain: f64 = 1.0, ONE in 0.0, 20.0; "speed.gain", "Proportional gain from the speed error to the acceleration, 1/s"
         integral: f64 = 0.2, ONE in 0.0, 20.0; "speed.integral", "Integral gain of the speed error, 1/s2"
+        grip: f64 = CAR_GRIP, METRE_PER_SECOND2 in 0.1, 30.0; "speed.grip", "Largest part of the tyres' grip that plan, drive and brakes use where the road's friction factor is 1"
         accel_cmd_max: f64 = 3.0, METRE_PER_SECOND2 in 0.1, 15.0; "speed.accel_cmd_max", "Largest acceleration that is commanded; what holds the vehicle on a slope that the road tells of comes on top"
         decel_cmd_max: f64 = 6.0, METRE_PER_SECOND2 in 0.1, 15.0; "speed.decel_cmd_max", "Largest deceleration that is commanded; what holds the vehicle on such a slope comes on top"
         safe_decel: f64 = 3.0, METRE_PER_SECOND2 in 0.1, 12.0; "speed.safe_decel", "Deceleration of the safe hold"
@@ -133,6 +135,7 @@ impl ControllerParameters {
         parameters.actuator = ActuatorParameters::of(&car.steering);
         parameters.mpc.steer_max = car.steering.angle_limit;
         parameters.speed.brake_decel = SpeedParameters::braked_by(car.brake.max_force, car.vehicle.mass);
+        parameters.speed.grip = SpeedParameters::gripped_by(car.least_friction(), CAR_GRIP);
         parameters.mpc.steer_rate_max = parameters.mpc.steer_rate_max.min(car.steering.rate_limit);
         parameters
     }
@@ -334,7 +337,12 @@ impl<G> ControllerParametersFor<G> {
     /// Weights without the terms that the papers' controllers lack.
     #[must_use]
     pub(super) fn plain(self) -> Self {
-        let observer = ObserverParameters { disturbance_noise: 0.0, prediction_noise: 0.05, ..self.observer };
+        let observer = ObserverParameters {
+            disturbance_noise: 0.0,
+            prediction_noise: 0.05,
+            yaw_rate_bias: 0.0,
+            ..self.observer
+        };
         let guard = GuardParameters { active: 0, ..self.guard };
         Self { observer, guard, actuator: ActuatorParameters::default(), ..self }
     }
@@ -355,6 +363,12 @@ impl SpeedParameters {
     #[must_use]
     pub(super) fn braked_by(force: f64, mass: f64) -> f64 {
         (force / mass).clamp(0.01, 100.0)
+    }
+
+    /// Grip that is used of tyres with this friction coefficient on a dry road, m/s2: an ordinary vehicle's, or less.
+    #[must_use]
+    pub(super) fn gripped_by(friction: f64, ordinary: f64) -> f64 {
+        (USED_GRIP * friction * GRAVITY).clamp(0.1, ordinary)
     }
 
     /// Tracking of the speed plan.

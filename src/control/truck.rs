@@ -79,8 +79,6 @@ const SAFE_SHARE: f64 = 2.0 / 3.0;
 impl ControlledParameters<TRUCK_STATES> for NominalTruck {
     type Vehicle = Articulated;
 
-    const GRIP: f64 = TRUCK_GRIP;
-
     fn nominal(&self) -> Articulated {
         self.articulated()
     }
@@ -197,6 +195,7 @@ impl TruckControllerParameters {
                 truck.brake.max_force,
                 truck.tractor.mass + truck.trailer.mass,
             ),
+            grip: SpeedParameters::gripped_by(truck.least_friction(), TRUCK_GRIP),
             ..SpeedParameters::default()
         };
         let longitudinal =

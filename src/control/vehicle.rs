@@ -9,7 +9,6 @@ use super::step::Measurement;
 use super::variant::{BicycleModel, Variant};
 use crate::nominal::{ERRORS, ErrorState, LateralVehicle};
 use crate::parameter::{OutOfRange, ParameterGroup};
-use crate::path::CAR_GRIP;
 use crate::residual::{FileError, FileKind};
 use crate::vehicle::SingleTrack;
 use nalgebra::SVector;
@@ -71,9 +70,6 @@ pub trait ControlledParameters<const S: usize>: std::fmt::Debug + Copy + Partial
     /// The vehicle that they are of.
     type Vehicle: ControlledVehicle<S>;
 
-    /// Largest part of its tyres' grip that plans use where the friction factor is 1, m/s2.
-    const GRIP: f64;
-
     /// The nominal model's vehicle.
     fn nominal(&self) -> Self::Vehicle;
 
@@ -131,8 +127,6 @@ impl ControlledVehicle<ERRORS> for SingleTrack {
 
 impl ControlledParameters<ERRORS> for NominalVehicle {
     type Vehicle = SingleTrack;
-
-    const GRIP: f64 = CAR_GRIP;
 
     fn nominal(&self) -> SingleTrack {
         self.single_track()

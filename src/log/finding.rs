@@ -28,7 +28,7 @@ pub struct Finding {
 
 impl Finding {
     /// A finding about the log, or about one column.
-    pub(super) fn new(gravity: FindingSeverity, signal: Option<&str>, summary: impl Into<String>) -> Self {
+    pub(crate) fn new(gravity: FindingSeverity, signal: Option<&str>, summary: impl Into<String>) -> Self {
         Self { gravity, signal: signal.map(str::to_owned), summary: summary.into() }
     }
 }

@@ -32,6 +32,8 @@ pub struct SteeringLog {
     pub drives: Vec<SteeringDrive>,
     /// Repairs and suspicions, the gravest first.
     pub findings: Vec<Finding>,
+    /// True where command or angle are no radians at the wheels: a gap and an offset are in their unit.
+    pub in_other_unit: bool,
 }
 
 impl SteeringLog {
@@ -148,7 +150,11 @@ impl SteeringLog {
             speed: speed[edge[0]..edge[1]].to_vec(),
             time: clean.time[edge[0]..edge[1]].to_vec(),
         };
-        Ok(Self { drives: edges.windows(2).map(part).collect(), findings: clean.findings })
+        Ok(Self {
+            drives: edges.windows(2).map(part).collect(),
+            findings: clean.findings,
+            in_other_unit: false,
+        })
     }
 
     /// Factors to radians of command and angle.
@@ -161,6 +167,7 @@ impl SteeringLog {
                 cause: cause @ (CleanError::Sign { .. } | CleanError::SteeringWheel { .. }),
                 ..
             }) => {
+                self.in_other_unit = true;
                 let words = format!("{cause}; dead time and lag do not depend on it");
                 self.findings.push(Finding::new(FindingSeverity::Warning, Some("steer_cmd"), words));
                 None
@@ -176,6 +183,7 @@ impl SteeringLog {
                 let words = format!("{name} was taken as degrees and converted to radians");
                 self.findings.push(Finding::new(FindingSeverity::Warning, Some(name), words));
             } else {
+                self.in_other_unit = true;
                 let words = format!(
                     "{name} reaches {raw:.1}: degrees, or a steering-wheel angle? Gain and offset are in its unit"
                 );

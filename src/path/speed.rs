@@ -30,8 +30,10 @@ pub const BRAKED_SHARE: f64 = 0.85;
 /// Share that a plan brakes with: the rest is for a vehicle that is too fast for it.
 const PLANNED_BRAKING: f64 = 0.65;
 
-/// Largest part of the grip of a car's tyres that a plan uses on a dry road, m/s2: 0.8 of it.
-pub const CAR_GRIP: f64 = 0.8 * GRAVITY;
+/// Share of the tyres' grip that a plan uses.
+pub const USED_GRIP: f64 = 0.8;
+/// Largest part of the grip of a car's tyres that a plan uses on a dry road, m/s2.
+pub const CAR_GRIP: f64 = USED_GRIP * GRAVITY;
 /// ... and of a truck's, whose hard tyres have three quarters of it.
 pub const TRUCK_GRIP: f64 = 0.6 * GRAVITY;
 

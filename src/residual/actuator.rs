@@ -45,6 +45,8 @@ pub struct ShownActuator {
     pub prior: CommandPrior,
     /// Standard deviation of dead time and lag together, s, on which a loop's stability depends.
     pub spread: f64,
+    /// Width of the steering's gap that shows, rad; 0 if none does.
+    pub backlash: f64,
     /// Column that shows it.
     pub by: ShownBy,
 }
@@ -68,7 +70,8 @@ impl ShownActuator {
             dead_time_spread: spread(&found.dead_time),
             lag_spread: spread(&found.lag),
         };
-        let shown = Self { prior, spread: spread(&found.delay), by: ShownBy::Angle };
+        let backlash = found.backlash.filter(|width| width.excited).map_or(0.0, |width| width.value);
+        let shown = Self { prior, spread: spread(&found.delay), backlash, by: ShownBy::Angle };
         (found.delay.excited && shown.is_shown()).then_some(shown)
     }
 
@@ -129,7 +132,7 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
             [0, 1, 2].map(|i: usize| (moments[i + 1] / weight).max(near[i]).sqrt());
         let actuator = Actuator { dead_time: at.0, time_constant: at.1, ..Actuator::default() };
         let prior = CommandPrior { actuator, dead_time_spread, lag_spread };
-        Some(ShownActuator { prior, spread, by: ShownBy::YawRate })
+        Some(ShownActuator { prior, spread, backlash: 0.0, by: ShownBy::YawRate })
     }
 }
 

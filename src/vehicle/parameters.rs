@@ -287,6 +287,13 @@ impl CarParameters {
         (weight * self.vehicle.cg_to_rear_axle, weight * self.vehicle.cg_to_front_axle)
     }
 
+    /// Friction coefficient of the axle that slides first, on a dry road.
+    #[must_use]
+    pub fn least_friction(&self) -> f64 {
+        let (front, rear) = self.axle_loads();
+        self.tyre.front.axle_friction(front, 1.0).min(self.tyre.rear.axle_friction(rear, 1.0))
+    }
+
     /// Load on a front tyre at rest, N.
     pub(super) fn front_tyre_load(&self) -> f64 {
         0.5 * self.axle_loads().0

@@ -309,6 +309,18 @@ impl TruckParameters {
         [loads.front, loads.rear, loads.trailer]
     }
 
+    /// Friction coefficient of the axle group that slides first, on a dry road.
+    #[must_use]
+    pub fn least_friction(&self) -> f64 {
+        let Triple { front, rear, trailer } = &self.tyre;
+        let Triple { front: n_front, rear: n_rear, trailer: n_trailer } = self.tyres_per_side;
+        [(front, n_front), (rear, n_rear), (trailer, n_trailer)]
+            .into_iter()
+            .zip(self.axle_loads())
+            .map(|((tyre, per_side), load)| tyre.axle_friction(load, per_side))
+            .fold(f64::INFINITY, f64::min)
+    }
+
     /// Load on a front tyre at rest, N.
     pub(super) fn front_tyre_load(&self) -> f64 {
         0.5 * self.axle_loads()[0] / self.tyres_per_side.front

@@ -102,7 +102,6 @@ struct Toy {
 impl ControlledParameters<6> for Toy {
     type Vehicle = Swinging;
 
-    const GRIP: f64 = 8.0;
 
     fn nominal(&self) -> Swinging {
         NOMINAL

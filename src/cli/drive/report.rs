@@ -173,7 +173,7 @@ impl DriveReport {
         let (driven, factor) = (self.figures.duration, self.figures.real_time_factor);
         say!("{driven:.2} s driven in {:.2} s ({factor:.0} times real time)", self.wall);
         if let Some(found) = self.found {
-            let KnownActuator { actuator, spread, shown } = found;
+            let KnownActuator { actuator, spread, shown, backlash } = found;
             let (dead_time, lag) = (actuator.dead_time, actuator.time_constant);
             if shown {
                 say!(
@@ -181,6 +181,9 @@ impl DriveReport {
                 );
             } else {
                 say!("steering: the drive does not show its dead time and lag");
+            }
+            if backlash > 0.0 {
+                say!("steering's backlash as driven: {backlash:.4} rad");
             }
         }
         for check in &self.checks[1..] {

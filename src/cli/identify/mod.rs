@@ -19,7 +19,7 @@ use super::logs::{LogArgs, ReadsLogs};
 use super::output::write_json;
 use super::vehicle::{Commanded, by_kind};
 use crate::control::ControlledParameters;
-use crate::log::{Finding, SteeringLog};
+use crate::log::{Finding, FindingSeverity, SteeringLog};
 use crate::nominal::{
     DelayModel, IdentifiedActuator, IdentifiedSteering, LateralVehicle, SteeringDrive,
     identify_by_yaw_rate_from_drives, identify_from_drives,
@@ -218,6 +218,7 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
     args.reading.check_distinct(&args.logs)?;
     let steady = |speed: f64| steady_steering(&vehicle, speed);
     let (mut drives, mut findings, mut rows) = (Vec::new(), Vec::new(), 0);
+    let mut in_other_unit = false;
     for file in &args.logs {
         let log = args.reading.read(file)?;
         let read = if args.by_yaw_rate {
@@ -228,6 +229,7 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
             SteeringLog::by_angle(&log, &steady)?
         };
         rows += log.column("time").map_or(0, <[f64]>::len);
+        in_other_unit |= read.in_other_unit;
         let several = args.logs.len() > 1;
         findings.extend(read.findings.into_iter().map(|finding| match several {
             true => Finding { summary: format!("{}: {}", file.display(), finding.summary), ..finding },
@@ -235,12 +237,25 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
         }));
         drives.extend(read.drives.into_iter().map(|drive| part_of(drive, args)));
     }
-    let steering = from_drives(&drives, through).map_err(|error| match &args.logs[..] {
+    let mut steering = from_drives(&drives, through).map_err(|error| match &args.logs[..] {
         [file] => format!("{}: {error}", file.display()),
         _ => error.to_string(),
     })?;
+    if in_other_unit {
+        findings.extend(leave_to_user(&mut steering));
+    }
     let contradiction = contradiction(&drives, through);
     Ok(IdentifiedLog { drives, findings, models: Vec::new(), steering: Some(steering), rows, contradiction })
+}
+
+/// Takes out what is in an angle's unknown unit; says what was found of it.
+fn leave_to_user(steering: &mut IdentifiedSteering) -> Option<Finding> {
+    steering.offset.excited = false;
+    let width = steering.backlash.take().filter(|width| width.excited)?.value;
+    let words = format!(
+        "the backlash of {width:.4} is in the angle's unit, and is left out: divided by the steering's ratio it is actuator.backlash"
+    );
+    Some(Finding::new(FindingSeverity::Warning, Some("steer_cmd"), words))
 }
 
 fn from_drives<V: LateralVehicle<S>, const S: usize>(

@@ -171,6 +171,7 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
             "speed_of_collecting": { "limit": slow.speed.limit, "lateral_accel": slow.speed.lateral_accel },
             "steering": shown.map(|shown| json!({
                 "dead_time": shown.prior.actuator.dead_time, "lag": shown.prior.actuator.time_constant,
+                "backlash": shown.backlash,
                 "sum_spread": shown.spread,
             })),
             "model": refused.is_none().then(|| model.display().to_string()),
@@ -242,7 +243,13 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
                 ("actuator.dead_time".to_owned(), dead_time),
                 ("actuator.time_constant".to_owned(), time_constant),
             ];
-            say!("2 identify: dead time {dead_time:.3} s, lag {time_constant:.3} s");
+            let mut gap = String::new();
+            if shown.backlash > 0.0 {
+                identified.actuator.backlash = shown.backlash;
+                values.push(("actuator.backlash".to_owned(), shown.backlash));
+                gap = format!(", backlash {:.4} rad", shown.backlash);
+            }
+            say!("2 identify: dead time {dead_time:.3} s, lag {time_constant:.3} s{gap}");
         } else {
             say!("2 identify: the drive does not show the steering's dead time and lag; the file's are kept");
         }

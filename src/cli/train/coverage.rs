@@ -12,10 +12,13 @@ pub(in crate::cli) fn shown_by<V: LateralVehicle<S>, const S: usize>(
     data: &DataSet<V, S>,
     threads: usize,
 ) -> Option<ShownActuator> {
-    // A copy of the command in the place of the angle shows no actuator.
+    // A copy of the command in the place of the angle shows no actuator. Where a measured angle shows none, the yaw rate,
+    // which comes later in the same chain, shows none either: what it seems to show is a gap, or the tyres.
     let copied = angles.iter().all(|drive| drive.steer_cmd == drive.response);
-    let measured = || identify_from_drives(angles).ok().and_then(|found| ShownActuator::measured(&found));
-    (!copied).then(measured).flatten().or_else(|| data.actuator(threads))
+    if copied {
+        return data.actuator(threads);
+    }
+    ShownActuator::measured(&identify_from_drives(angles).ok()?)
 }
 
 /// Coverage of the logs.

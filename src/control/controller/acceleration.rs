@@ -48,7 +48,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let planned = self.plan.speed(report.station);
         let limit = self.speed_limit(far, planned, elapsed, report);
         let brakes = stops || self.state.speed_share < 1.0;
-        let road = RoadAhead::look(&self.path, report.station, speed, G::GRIP);
+        let road = RoadAhead::look(&self.path, report.station, speed, self.parameters.speed.grip);
         let RoadAhead { lateral, holding, .. } = road;
         let (drives, stops_by) = (DRIVEN_SHARE * road.drives, BRAKED_SHARE * road.brakes);
         // Brakes act against the motion, and hold a standing vehicle against either slope.

@@ -14,6 +14,9 @@ const DITHER_HOLD: u64 = 2;
 const TAKE_UP_TIME: f64 = 0.1;
 const BACKLASH_SHARE: f64 = 0.25;
 
+/// Share of the grip that turns a vehicle back to a path far away.
+const FAR_GRIP_SHARE: f64 = 0.4;
+
 impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     /// The steering command: of the new plan, or else of the last one, or else held.
     pub(super) fn command_steering(
@@ -51,11 +54,15 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     }
 
     /// A steering command within its bounds. The plan respects them to the solver's tolerance, the command does exactly; and
-    /// no measurement moves it faster than the lateral acceleration may change.
-    pub(super) fn within_bounds(&self, steer: f64, previous: f64, speed: f64) -> f64 {
+    /// no measurement moves it faster than the lateral acceleration may change. Far from its path a vehicle has time: it turns
+    /// back by a part of its grip, or it would roll over at speed.
+    pub(super) fn within_bounds(&self, steer: f64, previous: f64, speed: f64, far: bool) -> f64 {
         let p = &self.parameters.mpc;
-        let rate = p.steer_rate_at(speed, self.parameters.vehicle.nominal().wheelbase()) * p.sample_time;
-        steer.clamp(previous - rate, previous + rate).clamp(-p.steer_max, p.steer_max)
+        let wheelbase = self.parameters.vehicle.nominal().wheelbase();
+        let rate = p.steer_rate_at(speed, wheelbase) * p.sample_time;
+        let most = FAR_GRIP_SHARE * self.parameters.speed.grip * wheelbase / (speed * speed);
+        let most = if far && most < p.steer_max { most } else { p.steer_max };
+        steer.clamp(-most, most).clamp(previous - rate, previous + rate).clamp(-p.steer_max, p.steer_max)
     }
 
     /// The command for an angle at the wheels, before the linkage's known gain and offset, within its bounds.
@@ -68,15 +75,16 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     /// over to it while the plan goes back by a share of the gap, so that noise does not chatter.
     pub(super) fn take_up_backlash(&mut self, steer: f64, previous: f64) -> f64 {
         let p = &self.parameters;
-        let half = 0.5 * p.actuator.backlash;
-        if half == 0.0 {
+        let half = 0.5 * self.state.bank.as_ref().map_or(p.actuator.backlash, |bank| bank.known().backlash);
+        let before = self.state.taken_up;
+        if half == 0.0 && before == 0.0 {
             return steer;
         }
-        let most = 2.0 * half * (p.mpc.sample_time / TAKE_UP_TIME).min(1.0);
+        let most = 2.0 * half.max(before.abs()) * (p.mpc.sample_time / TAKE_UP_TIME).min(1.0);
         let towards = ((steer - previous) / BACKLASH_SHARE).clamp(-most, most);
-        let state = &mut self.state;
-        state.taken_up = (state.taken_up + towards).clamp(-half, half);
-        (steer + state.taken_up).clamp(-p.mpc.steer_max, p.mpc.steer_max)
+        // A width that the drive shows may become another one: the command does not jump by it.
+        self.state.taken_up = (before + towards).clamp(-half, half).clamp(before - most, before + most);
+        (steer + self.state.taken_up).clamp(-p.mpc.steer_max, p.mpc.steer_max)
     }
 
     /// Random steering for collecting drives to learn from, rad; 0 unless asked for.

@@ -11,10 +11,12 @@
 //! | `ratios.rs` | ratios among columns |
 //! | `convert.rs` | units |
 //! | `commands.rs` | commands beside what the vehicle does |
+//! | `rate_scale.rs` | scale of the yaw-rate sensor |
 //! | `signs.rs` | signs, frames, and ratios that no unit explains |
 
 mod commands;
 mod convert;
+mod rate_scale;
 mod ratios;
 mod signs;
 

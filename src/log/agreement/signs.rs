@@ -1,6 +1,7 @@
 //! Signs, frames and ratios that no unit explains: refused, or suspect.
 
 use super::commands::{ASKED, driven};
+use super::rate_scale;
 use super::ratios::{
     Errors, STEEP, bend, course, errors, gravity, lateral, steered, turn_factor, way, winding,
 };
@@ -196,6 +197,8 @@ pub(in crate::log) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -
     }
     if let Some(words) = motion_of_clock(log, turn, along) {
         log.find(FindingSeverity::Suspicion, "time", words);
+    } else if let Some(words) = rate_scale::words(log) {
+        log.find(FindingSeverity::Suspicion, "yaw_rate", words);
     }
     if let Some((by, factor)) = driven.filter(|(_, factor)| !ASKED.contains(factor)) {
         let words = format!(
@@ -234,21 +237,22 @@ const CLOCK: f64 = 0.02;
 const ALIKE: f64 = 0.5;
 
 /// Words on a clock that runs at a wrong rate: one factor is missing wherever a change in time is compared with a rate. A
-/// sensor's scale is in one relation only.
+/// sensor's scale is in one relation only. The way counts where there is one; an acceleration has pitch and slopes in it, and is
+/// asked only where another relation is missing.
 fn motion_of_clock(log: &CleanLog, turn: Option<f64>, along: Option<Told>) -> Option<String> {
+    let way = way(log).map(|factor| (factor, "x and y move", "vx"));
+    let turn = turn.map(|factor| (factor, "yaw turns", "yaw_rate"));
     // An acceleration is a rate; the change of vx is divided by the clock's time.
-    let along = along.map(|(_, factor)| 1.0 / factor);
-    let told =
-        [(way(log), "x and y move", "vx"), (turn, "yaw turns", "yaw_rate"), (along, "vx changes", "ax")];
-    let told: Vec<(f64, &str, &str)> =
-        told.into_iter().filter_map(|(factor, what, by)| Some((factor?, what, by))).collect();
+    let along = along.map(|(_, factor)| (1.0 / factor, "vx changes", "ax"));
     let off = |factor: f64| (factor.max(1e-9)).ln();
     let alike =
         |a: f64, b: f64| off(a).abs() > CLOCK.ln_1p() && (off(a) - off(b)).abs() < ALIKE * off(a).abs();
-    let pair = told.iter().enumerate().find_map(|(i, one)| {
-        told[i + 1..].iter().find(|other| alike(one.0, other.0)).map(|other| (*one, *other))
-    });
-    let ((factor, what, by), (second, also, than)) = pair?;
+    let (first, second) = match (way, turn) {
+        (Some(way), Some(turn)) => (way, turn),
+        (Some(one), None) | (None, Some(one)) => (one, along?),
+        (None, None) => return None,
+    };
+    let ((factor, what, by), (second, also, than)) = alike(first.0, second.0).then_some((first, second))?;
     Some(format!(
         "{what} {factor:.3} times as fast as {by} says, and {also} {second:.3} times as fast as {than} says: the clock runs at \
          another rate, or rows were lost and stamped anew; give the times at which the rows were measured (--rate HZ where \

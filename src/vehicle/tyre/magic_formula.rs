@@ -239,6 +239,14 @@ impl FourTyres for Coefficients<[f64; FOUR]> {
 }
 
 /// The formula, of one tyre or of several side by side.
+impl Coefficients {
+    /// Friction coefficient sideways at a load, N, on the road of the tyre's measurement.
+    pub(super) fn lateral_friction(&self, load: f64) -> f64 {
+        let contact = Contact { load, friction: 1.0, ..Contact::default() };
+        (self.wheel::<f64>(&contact).lateral.peak / load).abs()
+    }
+}
+
 impl<T: Copy> Coefficients<T> {
     /// Nominal load with its scaling factor, N.
     #[inline(always)]

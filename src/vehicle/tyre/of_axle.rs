@@ -41,6 +41,12 @@ impl Tyre {
         tyre
     }
 
+    /// Friction coefficient of an axle's tyres, sideways on the road of their measurement. `load` is that of the axle in N,
+    /// carried by this many tyres on each side.
+    pub(in crate::vehicle) fn axle_friction(&self, load: f64, per_side: f64) -> f64 {
+        self.scaled().lateral_friction(0.5 * load / per_side)
+    }
+
     /// Slope of the lateral force of an axle over slip angle, N/rad. `load` is that of the axle in N, carried by this
     /// many tyres on each side.
     pub(in crate::vehicle) fn axle_stiffness(&self, load: f64, per_side: f64) -> f64 {
