@@ -8,7 +8,7 @@ from datetime import date
 import numpy as np
 
 from importing.log import ImportFailed
-from importing.units import UNITS
+from importing.units import TIMES, UNITS, bracketed, unit_of
 
 DAY = 86_400 * 10**9  # ns
 
@@ -149,18 +149,26 @@ def is_days(values: np.ndarray) -> bool:
     return 0 < float(np.median(np.diff(known))) < 2e-5
 
 
-def of_numbers(values: np.ndarray, given: str | None, by_file: str | None) -> tuple[np.ndarray, str]:
-    """Seconds of numbers, and a note on a unit that the mapping does not give."""
+def of_numbers(values: np.ndarray, given: str | None, stated: str, name: str) -> tuple[np.ndarray, str]:
+    """Seconds of a column's numbers, and a note on a unit that the mapping does not give; `stated` is the file's."""
     unit, note = given, ""
+    by_file = unit_of(stated)
     unix = unix_unit(values)
     if unit is None and unix is not None:
         unit, note = unix, f"Unix time in {unix}"
         if by_file in UNITS and by_file != unix:
             note += f" (the header says {by_file})"
-    elif unit is None and by_file is not None:
+    elif unit is None and by_file in TIMES:
         unit, note = by_file, f"in {by_file}, as the file says"
     elif unit is None and is_days(values):
         unit, note = "d", "days, as spreadsheets count"
+    elif unit is None and stated and by_file != "1":
+        raise ImportFailed(
+            f"[time] column = '{name}': it is in '{stated}', as the file says, and that is no unit of time that is "
+            f"known: write unit in [time] ({', '.join(TIMES)})"
+        )
+    elif unit is None and (word := bracketed(name)):
+        note = f"{word} is taken for a part of the name, and the numbers as s; if it is their unit, give unit in [time]"
     # Less the first: a Unix time in nanoseconds does not fit a float.
     known = values[np.isfinite(values)]
     first = known[0] if (unix is not None or unit == "d") and len(known) else 0.0

@@ -18,7 +18,7 @@ import numpy as np
 
 from importing import clock
 from importing.log import ImportFailed, Log, Series
-from importing.units import looks_like_unit, split_unit, unit_of
+from importing.units import looks_like_unit, reads_like_unit, split_unit
 
 DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
 COMMENTS = ("#", "%", "//")
@@ -418,8 +418,8 @@ def read_table(file: Path, wanted: set[str]) -> Log:
         if not raw and not np.isfinite(column.numbers).any() and not column.odd:
             continue  # after a delimiter at the end of each line
         bare, own = split_unit(raw)
-        if own or unit:
-            units[name] = own or unit.strip().strip("[]()").strip()
+        if stated := own if reads_like_unit(own) else unit.strip().strip("[]()").strip():
+            units[name] = stated
         if own and bare not in names:
             aliases[bare] = "" if bare in aliases else name
         table[name] = column
@@ -440,7 +440,7 @@ def read_table(file: Path, wanted: set[str]) -> Log:
         column = table[name]
         where = f"{file}: [time] column = '{name}'"
         if len(column.odd) <= 0.01 * np.isfinite(column.numbers).sum():
-            times, note = clock.of_numbers(np.array(column.numbers), unit, unit_of(units.get(name, "")))
+            times, note = clock.of_numbers(np.array(column.numbers), unit, units.get(name, ""), name)
             if note:
                 log.notes.append(f"time '{name}': {note}")
             return times
