@@ -149,11 +149,38 @@ def is_days(values: np.ndarray) -> bool:
     return 0 < float(np.median(np.diff(known))) < 2e-5
 
 
+def of_digits(values: np.ndarray) -> np.ndarray | None:
+    """Seconds of times of day that are written as numbers, HHMMSS.ss, as VBOX and NMEA do; None for other numbers.
+
+    Within a minute both are the same. At a full minute such numbers jump by 40 s more than the clock, at an hour by
+    4040 s. They are taken for times of day only if the clock goes on evenly then, and no field is above 60.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    digits = values[known]
+    if len(digits) < 3 or digits.min() < 0 or digits.max() >= 240_000:
+        return None
+    minutes, second = np.floor(digits / 100), digits % 100
+    if (second > 60).any() or (minutes % 100 >= 60).any():
+        return None
+    seconds = (np.floor(minutes / 100) * 60 + minutes % 100) * 60 + second
+    seconds += 86_400 * np.concatenate([[0], np.cumsum(np.diff(seconds) < -43_200)])
+    steps, turns = np.diff(seconds), np.diff(minutes) != 0
+    within = steps[~turns & (steps > 0)]
+    if len(within) == 0 or not turns.any() or not 0.5 < np.median(steps[turns]) / np.median(within) < 3:
+        return None
+    times = np.full(len(values), np.nan)
+    times[known] = seconds - seconds[0]
+    return times
+
+
 def of_numbers(values: np.ndarray, given: str | None, stated: str, name: str) -> tuple[np.ndarray, str]:
     """Seconds of a column's numbers, and a note on a unit that the mapping does not give; `stated` is the file's."""
     unit, note = given, ""
     by_file = unit_of(stated)
     unix = unix_unit(values)
+    if given in (None, "s") and by_file in (None, "1", "s") and (times := of_digits(values)) is not None:
+        said_by = "mapping" if given else "header" if by_file == "s" else ""
+        return times, "times of day, HHMMSS" + (f" (the {said_by} says s)" if said_by else "")
     if unit is None and unix is not None:
         unit, note = unix, f"Unix time in {unix}"
         if by_file in UNITS and by_file != unix:
