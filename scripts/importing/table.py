@@ -32,8 +32,25 @@ _GAPS = {"", "nan", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "---"
          "infinity", "-infinity", "1.#qnan", "-1.#ind", "1.#inf", "nan(ind)", "-nan(ind)"}  # fmt: skip
 
 
+# Files of other programs under a text's ending: their first bytes, the kind, and what to do. As in src/table/open.rs.
+_FOREIGN = [
+    (b"PK\x03\x04", "a spreadsheet or a zip archive", "save the table as CSV"),
+    (b"\xd0\xcf\x11\xe0", "a spreadsheet", "save the table as CSV"),
+    (b"BZh", "packed with bzip2", "unpack it"),
+    (b"\xfd7zXZ\0", "packed with xz", "unpack it"),
+    (b"\x28\xb5\x2f\xfd", "packed with zstd", "unpack it"),
+    (b"7z\xbc\xaf\x27\x1c", "packed with 7-Zip", "unpack it"),
+    (b"MDF  ", "an MDF file", "call it .mf4"),
+    (b"PAR1", "a Parquet file", "call it .parquet"),
+    (b"MATLAB 5.0", "a MATLAB file", "call it .mat"),
+    (b"#ROSBAG", "a ROS bag", "call it .bag"),
+]
+
+
 def decoded(data: bytes) -> tuple[str, str]:
     """A file's text, and its encoding where that is not UTF-8."""
+    if foreign := next((entry for entry in _FOREIGN if data.startswith(entry[0])), None):
+        raise ImportFailed(f"it is no text but {foreign[1]}: {foreign[2]}")
     for mark, encoding in {
         b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe\0\0": "utf-32", b"\0\0\xfe\xff": "utf-32",
         b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16",
@@ -296,6 +313,7 @@ def columns_of(lines: list[str], layout: Layout, comma: bool) -> tuple[list[Cell
     places: list[int] = []
     skipped: list[int] = []
     long: list[int] = []
+    short: list[int] = []
     chunk: list[list[str]] = []
 
     def convert() -> None:
@@ -324,6 +342,8 @@ def columns_of(lines: list[str], layout: Layout, comma: bool) -> tuple[list[Cell
             if any(row):
                 skipped.append(place + 1)
             continue
+        if len(cells) < count:
+            short.append(place + 1)
         places.append(place + 1)
         chunk.append(row)
         if len(chunk) == 5000:
@@ -339,6 +359,11 @@ def columns_of(lines: list[str], layout: Layout, comma: bool) -> tuple[list[Cell
     if long:
         notes.append(
             f"{lines_of(len(long))} left out, for other fields than there are names; the first is line {long[0]}"
+        )
+    if short:
+        notes.append(
+            f"{lines_of(len(short))} with fewer fields than there are names, whose others are gaps; the first is line "
+            f"{short[0]}"
         )
     if skipped:
         notes.append(f"{lines_of(len(skipped))} without numbers left out, the first is line {skipped[0]}")
@@ -399,8 +424,8 @@ def distinct(names: list[str]) -> tuple[list[str], set[str]]:
 
 def read_table(file: Path, wanted: set[str]) -> Log:
     """A text table; `wanted` are the names that the mapping asks for."""
-    lines, encoding = read_lines(file)
     try:
+        lines, encoding = read_lines(file)
         layout = find_layout(lines, wanted)
         comma = has_decimal_comma(lines, layout)
         columns, places, notes = columns_of(lines, layout, comma)
