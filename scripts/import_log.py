@@ -47,6 +47,7 @@ from pathlib import Path
 import numpy as np
 from importing import listing
 from importing.bags import read_rosbag
+from importing.column_unit import unit_for
 from importing.formats import read_matlab, read_mf4, read_parquet
 from importing.known_names import is_steering_wheel, looks_like_time, suggestions
 from importing.log import ImportFailed, Log, Series, said
@@ -160,26 +161,6 @@ def in_order(time: np.ndarray, where: str, notes: list[str]) -> np.ndarray:
     return np.argsort(time, kind="stable")
 
 
-def unit_for(log: Log, key: str, name: str, table: dict) -> str:
-    """The unit of a column: the mapping's; else the file's, and said."""
-    given = unit_of(table["unit"]) if "unit" in table else None
-    by_file = unit_of(log.units[name]) if log.units.get(name) else None
-    if by_file in (None, "1"):
-        return given or "1"
-    if given is not None:
-        if UNITS[given] != UNITS[by_file]:
-            log.notes.append(f"{key}: the file says that '{name}' is in {by_file}; the mapping's {given} is taken")
-        return given
-    if "factor" in table and UNITS[by_file] != 1.0:
-        raise ImportFailed(
-            f"[{key}]: '{name}' is in {by_file}, as the file says, and the mapping has a factor and no unit: write "
-            f'unit = "{by_file}" (the factor comes on top of it), or unit = "1" if the factor converts it'
-        )
-    if UNITS[by_file] != 1.0:
-        log.notes.append(f"{key}: '{name}' is in {by_file}, as the file says; converted")
-    return by_file
-
-
 def series_of(log: Log, mapping_file: Path, mapping: dict, rate: float | None = None) -> dict[str, Series]:
     """The mapped signals, in our units, each on its clock."""
     clock = clock_of(log, mapping_file, mapping, rate)
@@ -208,9 +189,9 @@ def series_of(log: Log, mapping_file: Path, mapping: dict, rate: float | None = 
         if len(time) != len(values):
             raise ImportFailed(f"{where}: it has {len(values)} values and its clock {len(time)}")
         try:
-            values = values * UNITS[unit_for(log, key, name, table)]
+            values = values * UNITS[unit_for(log, signal, name, table)]
         except ImportFailed as error:
-            raise ImportFailed(f"{mapping_file}: {error}") from error
+            raise ImportFailed(f"{mapping_file}: {error} ({log.file})") from error
         values = table.get("sign", 1) * (table.get("factor", 1.0) * values + table.get("offset", 0.0))
         known = np.isfinite(time) & np.isfinite(values)
         if known.sum() < 2:

@@ -8,7 +8,7 @@ from datetime import date
 import numpy as np
 
 from importing.log import ImportFailed
-from importing.units import UNITS
+from importing.units import TIMES, UNITS, bracketed, unit_of
 
 DAY = 86_400 * 10**9  # ns
 
@@ -149,18 +149,53 @@ def is_days(values: np.ndarray) -> bool:
     return 0 < float(np.median(np.diff(known))) < 2e-5
 
 
-def of_numbers(values: np.ndarray, given: str | None, by_file: str | None) -> tuple[np.ndarray, str]:
-    """Seconds of numbers, and a note on a unit that the mapping does not give."""
+def of_digits(values: np.ndarray) -> np.ndarray | None:
+    """Seconds of times of day that are written as numbers, HHMMSS.ss, as VBOX and NMEA do; None for other numbers.
+
+    Within a minute both are the same. At a full minute such numbers jump by 40 s more than the clock, at an hour by
+    4040 s. They are taken for times of day only if the clock goes on evenly then, and no field is above 60.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    digits = values[known]
+    if len(digits) < 3 or digits.min() < 0 or digits.max() >= 240_000:
+        return None
+    minutes, second = np.floor(digits / 100), digits % 100
+    if (second > 60).any() or (minutes % 100 >= 60).any():
+        return None
+    seconds = (np.floor(minutes / 100) * 60 + minutes % 100) * 60 + second
+    seconds += 86_400 * np.concatenate([[0], np.cumsum(np.diff(seconds) < -43_200)])
+    steps, turns = np.diff(seconds), np.diff(minutes) != 0
+    within = steps[~turns & (steps > 0)]
+    if len(within) == 0 or not turns.any() or not 0.5 < np.median(steps[turns]) / np.median(within) < 3:
+        return None
+    times = np.full(len(values), np.nan)
+    times[known] = seconds - seconds[0]
+    return times
+
+
+def of_numbers(values: np.ndarray, given: str | None, stated: str, name: str) -> tuple[np.ndarray, str]:
+    """Seconds of a column's numbers, and a note on a unit that the mapping does not give; `stated` is the file's."""
     unit, note = given, ""
+    by_file = unit_of(stated)
     unix = unix_unit(values)
+    if given in (None, "s") and by_file in (None, "1", "s") and (times := of_digits(values)) is not None:
+        said_by = "mapping" if given else "header" if by_file == "s" else ""
+        return times, "times of day, HHMMSS" + (f" (the {said_by} says s)" if said_by else "")
     if unit is None and unix is not None:
         unit, note = unix, f"Unix time in {unix}"
         if by_file in UNITS and by_file != unix:
             note += f" (the header says {by_file})"
-    elif unit is None and by_file is not None:
+    elif unit is None and by_file in TIMES:
         unit, note = by_file, f"in {by_file}, as the file says"
     elif unit is None and is_days(values):
         unit, note = "d", "days, as spreadsheets count"
+    elif unit is None and stated and by_file != "1":
+        raise ImportFailed(
+            f"[time] column = '{name}': it is in '{stated}', as the file says, and that is no unit of time that is "
+            f"known: write unit in [time] ({', '.join(TIMES)})"
+        )
+    elif unit is None and (word := bracketed(name)):
+        note = f"{word} is taken for a part of the name, and the numbers as s; if it is their unit, give unit in [time]"
     # Less the first: a Unix time in nanoseconds does not fit a float.
     known = values[np.isfinite(values)]
     first = known[0] if (unix is not None or unit == "d") and len(known) else 0.0

@@ -11,7 +11,6 @@ import numpy as np
 from importing import clock
 from importing.log import ImportFailed, Log, Series, load, numeric, said
 from importing.table import number
-from importing.units import unit_of
 
 
 def read_mf4(file: Path, _wanted: set[str]) -> Log:
@@ -140,7 +139,7 @@ def read_parquet(file: Path, _wanted: set[str]) -> Log:
                 stamps = [texts[row].strip() for row in rows]
                 times[rows] = clock.of_stamps(stamps, where, [row + 1 for row in rows])
             return times
-        times, note = clock.of_numbers(get(name).values, unit, unit_of(units.get(name, "")))
+        times, note = clock.of_numbers(get(name).values, unit, units.get(name, ""), name)
         if note:
             log.notes.append(f"time '{name}': {note}")
         return times
@@ -198,7 +197,7 @@ def read_matlab(file: Path, _wanted: set[str]) -> Log:
         return Series(None, numeric(flat[name](), name))
 
     def time(name: str, unit: str | None) -> np.ndarray:
-        times, note = clock.of_numbers(np.ravel(get(name).values), unit, None)
+        times, note = clock.of_numbers(np.ravel(get(name).values), unit, "", name)
         if note:
             log.notes.append(f"time '{name}': {note}")
         return times

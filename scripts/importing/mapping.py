@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from importing.log import ImportFailed, Log, load
-from importing.units import TIMES, UNITS, split_unit, unit_of
+from importing.units import OURS, TIMES, UNITS, split_unit, unit_of
 
 PROJECT = Path(__file__).resolve().parent.parent.parent
 
@@ -16,6 +16,19 @@ def vocabulary() -> list[str]:
     """Our signals, in order, from where they are declared."""
     text = (PROJECT / "src" / "signal.rs").read_text(encoding="utf-8")
     return re.findall(r'^    [A-Z0-9_]+ = "(\w+)" [A-Z]\w+ "', text, re.MULTILINE)
+
+
+def signal_units() -> dict[str, str]:
+    """The unit of each signal, from where they are declared."""
+    text = (PROJECT / "src" / "signal.rs").read_text(encoding="utf-8")
+    symbols = dict(re.findall(r'^    ([A-Z0-9_]+) = "([^"]+)" \[kg', text, re.MULTILINE))
+    signals = re.findall(r'^    [A-Z0-9_]+ = "(\w+)" ([A-Z]\w+) "', text, re.MULTILINE)
+    return {name: symbols[constant] for name, constant in signals}
+
+
+def units_for(ours: str) -> list[str]:
+    """Units that become ours."""
+    return [unit for unit in UNITS if OURS[unit] == ours]
 
 
 def read_mapping(file: Path) -> dict:
@@ -41,7 +54,8 @@ def read_mapping(file: Path) -> dict:
             near = get_close_matches(name, known, 1)
             hint = f"; did you mean {near[0]}?" if near else f"; signals are {', '.join(known[1:])}"
             raise ImportFailed(f"{file}: '{name}' is none of our signals{hint}")
-        check(file, f"columns.{name}", column, {"column", "unit", "factor", "offset", "sign", "quaternion"})
+        keys = {"column", "unit", "factor", "offset", "sign", "quaternion"}
+        check(file, f"columns.{name}", column, keys, units_for(signal_units()[name]) or ["1"])
     if "time" in mapping:
         check_time(file, mapping["time"])
     if unknown := mapping.keys() - {"rate", "time", "columns"}:
@@ -66,18 +80,18 @@ def check_time(file: Path, table) -> None:
             raise ImportFailed(f"{file}: [time] has a column and a rate; it is one of both")
         check_rate(f"{file}: [time] rate", table["rate"])
         table = {**table, "column": ""}
-    check(file, "time", table, {"column", "unit", "rate"})
+    check(file, "time", table, {"column", "unit", "rate"}, list(TIMES))
     if unit_of(table.get("unit", "s")) not in TIMES:
         raise ImportFailed(f"{file}: [time] has the unit '{table['unit']}'; there are {', '.join(TIMES)}")
 
 
-def check(file: Path, where: str, table, known: set[str]) -> None:
+def check(file: Path, where: str, table, known: set[str], units: list[str]) -> None:
     if not isinstance(table, dict) or not isinstance(table.get("column"), str):
         raise ImportFailed(f'{file}: [{where}] needs column = "..."')
     if unknown := table.keys() - known:
         raise ImportFailed(f"{file}: [{where}] does not know '{min(unknown)}'; there are {', '.join(sorted(known))}")
     if not isinstance(table.get("unit", "1"), str) or unit_of(table.get("unit", "1")) is None:
-        raise ImportFailed(f"{file}: [{where}] has the unit '{table['unit']}'; there are {', '.join(UNITS)}")
+        raise ImportFailed(f"{file}: [{where}] has the unit '{table['unit']}'; there are {', '.join(units)}")
     if table.get("sign", 1) not in (1, -1):
         raise ImportFailed(f"{file}: [{where}] has sign = {table['sign']}; it is 1 or -1")
     for key in ("factor", "offset"):

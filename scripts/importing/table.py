@@ -1,4 +1,4 @@
-"""Text tables of any tool: encoding, delimiter, decimal comma, lines before the names, a row of units, comments.
+"""Text tables of any tool: delimiter, decimal comma, lines before the names, a row of units, comments.
 
 The numbers are found first, at the end of the file; the names are what stands above them.
 """
@@ -18,11 +18,11 @@ import numpy as np
 
 from importing import clock
 from importing.log import ImportFailed, Log, Series
-from importing.units import looks_like_unit, split_unit, unit_of
+from importing.text import SAMPLE, read_lines
+from importing.units import looks_like_unit, reads_like_unit, split_unit
 
 DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
 COMMENTS = ("#", "%", "//")
-SAMPLE = 200  # lines from which delimiter and columns are found
 
 # Python's float() takes 1_000 and words like infinity; a log's number is digits.
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
@@ -30,52 +30,6 @@ _COMMA_NUMBER = re.compile(r"[+-]?(?:\d+,\d*|,\d+)(?:[eEdD][+-]?\d+)?")
 _PLAIN = re.compile(r"[0-9.eE+-]*")
 _GAPS = {"", "nan", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "---", "?", "inf", "+inf", "-inf", "-nan",
          "infinity", "-infinity", "1.#qnan", "-1.#ind", "1.#inf", "nan(ind)", "-nan(ind)"}  # fmt: skip
-
-
-def decoded(data: bytes) -> tuple[str, str]:
-    """A file's text, and its encoding where that is not UTF-8."""
-    for mark, encoding in {
-        b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe\0\0": "utf-32", b"\0\0\xfe\xff": "utf-32",
-        b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16",
-    }.items():  # fmt: skip
-        if data.startswith(mark):
-            return data.decode(encoding), "" if encoding == "utf-8-sig" else encoding.upper()
-    head = data[:4000]
-    for start, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
-        # Without a mark: every second byte of Latin letters is zero.
-        if len(head) > 3 and head[start::2].count(0) > 0.4 * len(head[start::2]) and head[1 - start :: 2].count(0) == 0:
-            return data.decode(encoding), encoding.upper()
-    if b"\0" in head:
-        raise ImportFailed("it is no text: it holds zero bytes")
-    for encoding, name in (("utf-8", ""), ("cp1252", "Windows-1252 (Latin-1)")):
-        try:
-            return data.decode(encoding), name
-        except UnicodeDecodeError:
-            continue
-    return data.decode("latin-1"), "Latin-1"
-
-
-def read_lines(file: Path) -> tuple[list[str], str]:
-    """Lines of a text file, compressed if its name ends in .gz, and its encoding where that is not UTF-8."""
-    data = file.read_bytes()
-    if file.suffix.lower() == ".gz" or data[:2] == b"\x1f\x8b":
-        data = gzip.decompress(data)
-    text, encoding = decoded(data)
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    join_quoted(lines)
-    return lines, encoding
-
-
-def join_quoted(lines: list[str]) -> None:
-    """Joins quoted names that go on in the next lines. Empty lines keep the count of lines."""
-    i = 0
-    while i < min(len(lines), SAMPLE):
-        end = i
-        while sum(line.count('"') for line in lines[i : end + 1]) % 2 and end + 1 < min(len(lines), i + 12):
-            end += 1
-        if end > i and sum(line.count('"') for line in lines[i : end + 1]) % 2 == 0:
-            lines[i : end + 1] = [""] * (end - i) + [" ".join(lines[i : end + 1])]
-        i = end + 1
 
 
 def split(line: str, delimiter: str) -> list[str]:
@@ -296,6 +250,7 @@ def columns_of(lines: list[str], layout: Layout, comma: bool) -> tuple[list[Cell
     places: list[int] = []
     skipped: list[int] = []
     long: list[int] = []
+    short: list[int] = []
     chunk: list[list[str]] = []
 
     def convert() -> None:
@@ -324,6 +279,8 @@ def columns_of(lines: list[str], layout: Layout, comma: bool) -> tuple[list[Cell
             if any(row):
                 skipped.append(place + 1)
             continue
+        if len(cells) < count:
+            short.append(place + 1)
         places.append(place + 1)
         chunk.append(row)
         if len(chunk) == 5000:
@@ -339,6 +296,11 @@ def columns_of(lines: list[str], layout: Layout, comma: bool) -> tuple[list[Cell
     if long:
         notes.append(
             f"{lines_of(len(long))} left out, for other fields than there are names; the first is line {long[0]}"
+        )
+    if short:
+        notes.append(
+            f"{lines_of(len(short))} with fewer fields than there are names, whose others are gaps; the first is line "
+            f"{short[0]}"
         )
     if skipped:
         notes.append(f"{lines_of(len(skipped))} without numbers left out, the first is line {skipped[0]}")
@@ -399,8 +361,8 @@ def distinct(names: list[str]) -> tuple[list[str], set[str]]:
 
 def read_table(file: Path, wanted: set[str]) -> Log:
     """A text table; `wanted` are the names that the mapping asks for."""
-    lines, encoding = read_lines(file)
     try:
+        lines, encoding = read_lines(file)
         layout = find_layout(lines, wanted)
         comma = has_decimal_comma(lines, layout)
         columns, places, notes = columns_of(lines, layout, comma)
@@ -418,8 +380,8 @@ def read_table(file: Path, wanted: set[str]) -> Log:
         if not raw and not np.isfinite(column.numbers).any() and not column.odd:
             continue  # after a delimiter at the end of each line
         bare, own = split_unit(raw)
-        if own or unit:
-            units[name] = own or unit.strip().strip("[]()").strip()
+        if stated := own if reads_like_unit(own) else unit.strip().strip("[]()").strip():
+            units[name] = stated
         if own and bare not in names:
             aliases[bare] = "" if bare in aliases else name
         table[name] = column
@@ -440,7 +402,7 @@ def read_table(file: Path, wanted: set[str]) -> Log:
         column = table[name]
         where = f"{file}: [time] column = '{name}'"
         if len(column.odd) <= 0.01 * np.isfinite(column.numbers).sum():
-            times, note = clock.of_numbers(np.array(column.numbers), unit, unit_of(units.get(name, "")))
+            times, note = clock.of_numbers(np.array(column.numbers), unit, units.get(name, ""), name)
             if note:
                 log.notes.append(f"time '{name}': {note}")
             return times

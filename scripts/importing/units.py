@@ -26,6 +26,8 @@ def plain(unit: str) -> str:
 
 # Factors to SI by the usual spelling.
 UNITS = {spellings[0]: factor for ours, factor, spellings in listed() if ours != "other"}
+# Our unit of each: its quantity.
+OURS = {spellings[0]: ours for ours, _, spellings in listed() if ours != "other"}
 TIMES = tuple(spellings[0] for ours, _, spellings in listed() if ours == "s")
 
 _BY_SPELLING = {
@@ -50,6 +52,32 @@ def looks_like_unit(text: str) -> bool:
     return unit_of(written) is not None or other
 
 
+# A quotient by a time or a length, degrees, a number before a unit.
+_QUOTIENT = re.compile(r".+/(s|h|hr|min|ms|m|km|mi|ft)\d?|.*[°º].*")
+_MULTIPLE = re.compile(r"\d+(?:e-?\d+)?x?(\D.*)")
+
+
+def reads_like_unit(text: str) -> bool:
+    """Whether brackets after a name hold a unit, known or not: 'cdeg', 'Nm', 'furlong/h'.
+
+    'GPS', 'FL' and 'A' may as well be a sensor, a side or an index.
+    """
+    written = plain(text)
+    multiple = _MULTIPLE.fullmatch(written)
+    return (
+        unit_of(text) is not None
+        or (len(written) > 1 and written in _OTHERS)
+        or _QUOTIENT.fullmatch(written) is not None
+        or (multiple is not None and unit_of(multiple[1]) is not None)
+    )
+
+
+def bracketed(name: str) -> str:
+    """The word in brackets at the end of a name, with them: '[GPS]', '(filtered)'; empty without one."""
+    found = re.search(r"(\[[^\[\]]*[^\W\d_][^\[\]]*\]|\([^()]*[^\W\d_][^()]*\))(#\d+)?$", name.strip())
+    return found[1] if found else ""
+
+
 def split_unit(name: str) -> tuple[str, str]:
     """A header's name without its unit, and the unit: 'Speed [km/h]', 'Speed (km/h)'."""
     found = re.fullmatch(r"(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))", name.strip())
@@ -57,8 +85,12 @@ def split_unit(name: str) -> tuple[str, str]:
         return name.strip(), ""
     unit = (found[2] if found[2] is not None else found[3]).strip()
     # 'A(:,2)' and 'speed(filtered)' are names; brackets hold a unit only if it is one.
-    if found[2] is None and not looks_like_unit(unit):
+    if found[2] is None and not looks_like_unit(unit) and not reads_like_unit(unit):
         return name.strip(), ""
+    # 'm/s (GPS)' is a unit with a remark.
+    remarked = re.fullmatch(r"(.*\S)\s*[(\[][^()\[\]]*[)\]]?", unit)
+    if remarked and reads_like_unit(remarked[1]):
+        unit = remarked[1]
     if re.fullmatch(r"\d*", unit):
         return name.strip(), ""
     return found[1], unit

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foreign_logs import PLAIN, VX, YAW_RATE, close, imported, mapping
+from foreign_logs import PLAIN, VX, YAW_RATE, close, imported, mapping, read
 from import_log import ImportFailed, convert
+from importing.clock import of_digits
 
 START = datetime(2024, 4, 30, 23, 59, 59, tzinfo=timezone.utc)  # midnight and a month's end are passed
 
@@ -100,6 +101,52 @@ def test_days_of_a_spreadsheet_are_read(tmp_path):
     columns = imported(file, mapping(tmp_path, PLAIN), tmp_path)
     close(columns, vx=VX)
     assert np.isclose(columns["time"][-1], 2.99, atol=1e-4)
+
+
+DIGITS = {
+    "a minute": "16:22:58.5",
+    "an hour, which has no digits before": "00:59:58.5",
+    "an hour": "09:59:58.5",
+    "midnight": "23:59:58.5",
+}
+
+
+def digits(start: str, step: float, count: int = 300) -> list[str]:
+    """Times of day as VBOX and NMEA write them."""
+    begin = datetime.strptime(start, "%H:%M:%S.%f")
+    return [(begin + timedelta(seconds=step * i)).strftime("%H%M%S.%f")[:-4] for i in range(count)]
+
+
+@pytest.mark.parametrize("name", ["t", "t [s]"])
+@pytest.mark.parametrize("start", DIGITS.values(), ids=DIGITS)
+@pytest.mark.parametrize("step", [0.01, 0.05, 1.0])
+def test_times_of_day_in_digits_are_read(tmp_path, start, step, name):
+    file = tmp_path / "log.csv"
+    body = [f"{t},{3.6 * v:.6f},{r:.8f}" for t, v, r in zip(digits(start, step), VX, YAW_RATE)]
+    del body[100:120]  # a hole in the log
+    file.write_text("\n".join([f"{name},v,r", *body]) + "\n")
+    said = convert(file, mapping(tmp_path, PLAIN), tmp_path / "out.csv")
+    assert "times of day, HHMMSS" in said and ("the header says s" in said) == (name != "t")
+    time = read(tmp_path / "out.csv")["time"]
+    assert np.isclose(time[-1], 299 * step) and np.isclose(np.diff(time).max(), 21 * step)
+    said = convert(file, mapping(tmp_path, PLAIN.replace('"t"', '"t"\nunit = "s"')), tmp_path / "out.csv")
+    assert "(the mapping says s)" in said
+
+
+@pytest.mark.parametrize(
+    "time",
+    [
+        np.arange(0, 3000.0, 10),  # 10 s, or ms without their unit
+        np.arange(0, 15_000.0, 50),
+        np.arange(0, 5900.0, 100),
+        np.arange(0, 59.0, 0.2),  # within a minute both are the same
+        np.arange(120_000.0, 120_300.0),
+        np.concatenate([np.arange(0, 50, 0.2), np.arange(107.0, 150, 0.2)]),  # seconds with a hole
+        np.concatenate([np.arange(0, 60, 0.2), np.arange(100.0, 170, 0.2)]),  # one second too many for a minute
+    ],
+)
+def test_other_numbers_are_no_times_of_day(time):
+    assert of_digits(time) is None
 
 
 def test_one_wrong_time_costs_one_row(tmp_path):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gzip
+import io
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -192,6 +194,43 @@ def test_what_cannot_be_told_is_refused(tmp_path, lines, words):
     with pytest.raises(ImportFailed, match=words):
         convert(write(tmp_path, lines), mapping(tmp_path, PLAIN), tmp_path / "out.csv")
     assert not (tmp_path / "out.csv").exists()
+
+
+def packed(kind: str) -> bytes:
+    if kind == "zip":
+        data = io.BytesIO()
+        with zipfile.ZipFile(data, "w") as archive:
+            archive.writestr("log.csv", "t,v,r\n" + "\n".join(rows()))
+        return data.getvalue()
+    return {"xls": b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600), "parquet": b"PAR1" + bytes(600)}[kind]
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("zip", "a spreadsheet or a zip archive: save the table as CSV"),
+        ("xls", "a spreadsheet: save the table as CSV"),
+        ("parquet", "a Parquet file: call it .parquet"),
+    ],
+)
+@pytest.mark.parametrize("name", ["log.csv", "log.csv.gz"])
+def test_a_file_of_another_kind_is_named(tmp_path, kind, words, name):
+    file = tmp_path / name
+    file.write_bytes(gzip.compress(packed(kind)) if name.endswith(".gz") else packed(kind))
+    with pytest.raises(ImportFailed) as refused:
+        convert(file, mapping(tmp_path, PLAIN), tmp_path / "out.csv")
+    assert str(refused.value) == f"{file}: it is no text but {words}"
+
+
+def test_short_rows_are_counted(tmp_path):
+    lines = ["t,v,r", *rows()]
+    lines.insert(101, "0.999")
+    lines.insert(201, "1.989,43.2")
+    said = convert(write(tmp_path, lines), mapping(tmp_path, PLAIN), tmp_path / "out.csv")
+    assert "2 lines with fewer fields than there are names, whose others are gaps; the first is line 102" in said
+    assert "fewer fields" not in convert(
+        write(tmp_path, ["t,v,r", *rows()]), mapping(tmp_path, PLAIN), tmp_path / "o.csv"
+    )
 
 
 def test_a_name_that_stands_twice_is_numbered(tmp_path):
