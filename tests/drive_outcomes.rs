@@ -77,7 +77,7 @@ fn a_drive_off_the_road_is_lost_though_it_comes_back() {
     // A lane that no controller keeps to: the drive goes on to the road's end, and is lost.
     let (status, said, json) = drive(folder.path(), &["--lane", "0.0002"]);
     assert_eq!(status, Some(4), "{said}");
-    assert!(said.contains("outcome: lost: the vehicle was 0.00021 m") && said.contains("next: "), "{said}");
+    assert!(said.contains("outcome: lost: the vehicle was 0.0002") && said.contains("next: "), "{said}");
     assert_eq!((json["outcome"].as_str(), json["finished"].as_bool()), (Some("lost"), Some(false)));
     assert!(json["left_lane"]["time"].as_f64().unwrap() < json["end"]["time"].as_f64().unwrap());
     assert!(json["reason"].as_str().unwrap().contains("later the road was driven to its end"), "{json}");

@@ -101,13 +101,15 @@ fn a_told_backlash_is_taken_up() {
     let folder = tempfile::tempdir().unwrap();
     let path = road(folder.path(), "road.csv", "speed", |_| "22".to_owned());
     let drives = |told: &str| {
-        let options = ["--path", &path, "--set", "steering.backlash=0.006", "--set", told];
+        let backlash = "steering.backlash=0.006";
+        // Of a variant that finds none by itself.
+        let options = ["--path", &path, "--variant", "actuator", "--set", backlash, "--set", told];
         let (json, said) = drive(folder.path(), &options);
         assert_eq!(json["outcome"], "completed", "{said}");
         json["tracking"]["rmse"].as_f64().unwrap()
     };
     let (untold, told) = (drives("actuator.backlash=0"), drives("actuator.backlash=0.006"));
-    assert!(told < 0.3 * untold && told < 0.02, "{told} {untold}");
+    assert!(told < 0.5 * untold && told < 0.02, "{told} {untold}");
 }
 
 #[test]

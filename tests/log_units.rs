@@ -150,9 +150,36 @@ fn a_clock_at_another_rate_is_told_by_two_relations() {
         assert!(words.contains("the clock runs at another rate"), "{rate}: {words}");
     }
     // A sensor's scale is in one relation.
-    for (name, factor) in [("vx", 1.05), ("yaw_rate", 0.95), ("ax", 1.1), ("vx", 0.96)] {
+    for (name, factor) in [("vx", 1.05), ("ax", 1.1), ("vx", 0.96), ("yaw_rate", 1.02)] {
         let log = changed(|columns| scale(columns, &[name], factor)).unwrap();
         assert!(log.suspect().is_none(), "{name} {factor}: {}", said(&log.findings));
+    }
+}
+
+#[test]
+fn a_wrong_scale_of_the_yaw_rate_is_said_and_is_no_clock() {
+    for factor in [0.93, 1.05, 1.08, 1.15] {
+        let log = changed(|columns| scale(columns, &["yaw_rate"], factor)).unwrap();
+        let words = &log.suspect().unwrap_or_else(|| panic!("{factor}: {}", said(&log.findings))).summary;
+        let (_, advice) = words.split_once("multiply yaw_rate by ").unwrap_or_else(|| panic!("{words}"));
+        let by: f64 = advice.parse().unwrap();
+        assert!(
+            words.contains("the scale of yaw_rate") && (by * factor - 1.0).abs() < 0.01,
+            "{factor}: {words}"
+        );
+    }
+    // A bias, and an angle that comes late, are none.
+    for change in [
+        (|columns: &mut Columns| {
+            columns.get_mut("yaw_rate").unwrap().iter_mut().for_each(|rate| *rate += 0.02);
+        }) as fn(&mut Columns),
+        |columns| {
+            let yaw = columns.get_mut("yaw").unwrap();
+            *yaw = (0..yaw.len()).map(|row| yaw[row.saturating_sub(5)]).collect();
+        },
+    ] {
+        let log = changed(change).unwrap();
+        assert!(log.suspect().is_none(), "{}", said(&log.findings));
     }
 }
 

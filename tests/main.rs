@@ -49,6 +49,7 @@ mod drive_robustness;
 mod drive_slippery;
 mod drive_table;
 mod drive_told_road;
+mod drive_unknown_errors;
 mod drive_weak_brakes;
 mod evaluate_results;
 mod experiment;

@@ -7,6 +7,7 @@ mod faults;
 mod ladder;
 mod margins;
 mod matrix;
+mod unknown;
 
 use clap::Parser;
 use rfl_mpc::numerics::parallel;
@@ -46,7 +47,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         "ladder" => ladder::run(&arguments)?,
         "margins" => margins::run(&arguments)?,
         "faults" => faults::run(&arguments)?,
-        other => return Err(format!("'{other}': write matrix, ladder, margins or faults").into()),
+        "unknown" => unknown::run(&arguments)?,
+        other => return Err(format!("'{other}': write matrix, unknown, ladder, margins or faults").into()),
     };
     if arguments.only.is_none() {
         let file = arguments.out.join(format!("{}.json", arguments.part));

@@ -53,6 +53,8 @@ pub struct Case {
     pub payload: f64,
     noise: f64,
     seed: u64,
+    /// An effect beside these, and its value.
+    pub unknown: Option<(&'static str, f64)>,
 }
 
 pub fn run(arguments: &Arguments) -> Result<Value, Box<dyn Error>> {
@@ -145,10 +147,11 @@ pub fn case<P: Compared<S, C>, const S: usize, const C: usize>(number: usize, ro
         payload: coin(0.0, if truck { 3000.0 } else { 300.0 }),
         noise: coin(0.0, 1.0),
         seed: SEED + number as u64,
+        unknown: None,
     }
 }
 
-fn drive<P: Compared<S, C>, const S: usize, const C: usize>(
+pub fn drive<P: Compared<S, C>, const S: usize, const C: usize>(
     case: &Case,
     road: &Road,
     row: &str,
@@ -161,6 +164,9 @@ fn drive<P: Compared<S, C>, const S: usize, const C: usize>(
         *value = change(*value);
         Ok::<f64, Box<dyn Error>>(*value)
     };
+    if let Some((id, value)) = case.unknown {
+        effect(id, &|_| value)?;
+    }
     effect("road_friction", &|value| value * case.friction)?;
     effect("payload", &|value| value + case.payload)?;
     let steering = P::steering(&vehicle);
@@ -203,6 +209,7 @@ fn drive<P: Compared<S, C>, const S: usize, const C: usize>(
         "id": case.id, "row": row, "kind": P::KIND, "vehicle": case.vehicle, "road": road.name,
         "road_length": road.path.length(), "lag": case.lag, "dead_time": case.dead_time, "lateral_accel": case.accel,
         "friction": case.friction, "payload": case.payload, "noise": case.noise,
+        "unknown": case.unknown.map(|(id, value)| json!({ "effect": id, "value": value })),
         "outcome": drive.ending.outcome.name(), "reason": drive.ending.reason(), "time": place.time,
         "station": place.station, "duration": drive.duration(), "max": tracking.max, "max_at": worst, "mean": tracking.mae,
         "max_after_20_s": after, "slowed_s": seconds("slowed"), "far_s": seconds("far_from_path"),

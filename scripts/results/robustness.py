@@ -11,7 +11,7 @@ from results.common import markdown_table, number, plt, program, program_lines, 
 
 # Drives of a row: 240 of cars, 96 of trucks.
 WHOLE = 336
-PARTS = ("matrix", "ladder", "margins", "faults", "foreign")
+PARTS = ("matrix", "unknown", "ladder", "margins", "faults", "foreign")
 ROWS = {"default": "default", "told": "told its actuator", "papers": "the papers' settings"}
 ABOUT = """\
 Written by `scripts/reproduce robustness`; the same numbers as JSON in [robustness.json](robustness.json), errors in m and
@@ -130,6 +130,42 @@ def matrix_markdown(drives: list[dict]) -> list[str]:
     if reasons:
         text += ["Not completed:", "", *reasons, ""]
     return text
+
+
+def unknown_markdown(unknown: dict) -> list[str]:
+    """Errors of sensors and linkage that nobody has told the controller."""
+    drives = [d for d in unknown["drives"] if "failed" not in d]
+    kinds: dict[tuple, list[dict]] = {}
+    for d in drives:
+        kinds.setdefault((d["unknown"]["effect"], d["unknown"]["value"]), []).append(d)
+    body = []
+    for (effect, value), of in kinds.items():
+        done = [d for d in of if d["outcome"] == "completed"]
+        late = worst([d["max_after_20_s"] or 0.0 for d in done])
+        mean = sum(d["mean"] for d in done) / max(len(done), 1)
+        body.append(
+            [
+                f"`{effect}`",
+                f"{value:g}",
+                str(len(of)),
+                str(len(done)),
+                number(worst([d["max"] for d in done]), 3),
+                number(late, 3),
+                number(mean, 4),
+            ]
+        )
+    failed = [f"- {d['id']} could not be run: {d['failed']}" for d in unknown["drives"] if "failed" in d]
+    head = ["effect", "value", "drives", "completed", "max m", "max after 20 s, m", "mean m"]
+    return [
+        "## What nobody has told",
+        "",
+        "Default options on the first half of the matrix, at 2.25 m/s2 sideways (trucks 1.0), with one more difference of the real "
+        "vehicle in each drive, beside the matrix' actuator, friction, payload and noise (`rfl parameters` explains the effects; SI units).",
+        "",
+        markdown_table(head, body),
+        "",
+        *failed,
+    ]
 
 
 # By how much a drive may get worse than the default, m.
@@ -415,6 +451,7 @@ def write(folder: Path, out: Path) -> None:
         ]
     text += matrix_markdown(drives)
     parts = {
+        "unknown": unknown_markdown,
         "ladder": ladder_markdown,
         "margins": margins_markdown,
         "faults": faults_markdown,

@@ -47,6 +47,10 @@ const PRIOR_OF_FILE: f64 = 0.8;
 /// unmodelled yaw acceleration of single-track and sensor, rad/s2.
 const STEER_NOISE: f64 = 1e-3;
 const YAW_NOISE: f64 = 0.2;
+/// Probability, as a logarithm beside the best one's, below which a hypothesis counts for nothing, and steps in which each of
+/// those is looked at once.
+const IMPROBABLE: f64 = -13.8;
+const TURNS: usize = 4;
 /// Samples that this expectation is worth.
 const PRIOR_SAMPLES: f64 = 3.0;
 /// Correlation time of a residual, s: errors of a model last.
@@ -135,6 +139,8 @@ pub struct BankState {
     /// The most probable hypothesis.
     best: usize,
     log_likelihood: Vec<f64>,
+    /// Turn of the improbable ones.
+    turn: usize,
 }
 
 /// Sums for the regression of the measured angle.
@@ -254,6 +260,7 @@ impl Bank {
             known,
             best: 0,
             log_likelihood: vec![0.0; count],
+            turn: 0,
         };
         self.conclude(&mut state);
         state
@@ -400,8 +407,13 @@ impl Bank {
         let independent = (self.sample_time / CORRELATION).min(1.0);
         let [weight, sum, square] = state.steer.common;
         let of_rest = Rest::of(&state.yaw.common);
+        let least = state.log_likelihood[state.best] + IMPROBABLE;
+        state.turn = (state.turn + 1) % TURNS;
         let mut best = f64::NEG_INFINITY;
         for (k, hypothesis) in self.hypotheses.iter().enumerate() {
+            if k % TURNS != state.turn && state.log_likelihood[k] < least {
+                continue;
+            }
             let mut value = hypothesis.log_prior;
             if weight > 0.0 {
                 let [of_angle, of_square, product] = state.steer.each[k];
@@ -422,10 +434,10 @@ impl Bank {
         }
         let (mut total, mut means, mut of_gap) = (0.0, [0.0; 4], [0.0; 2]);
         for (hypothesis, log) in self.hypotheses.iter().zip(&state.log_likelihood) {
-            let probability = (log - best).exp();
-            if probability < 1e-6 {
+            if log - best < IMPROBABLE {
                 continue;
             }
+            let probability = (log - best).exp();
             let lag = self.lags[hypothesis.lag].lag;
             let delay = hypothesis.dead_time + lag;
             total += probability;

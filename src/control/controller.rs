@@ -294,19 +294,19 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             self.state.rate_sensor.move_to(seen.yaw, &self.parameters.observer);
         }
         let bridged = verdict == Judgement::Bridged;
-        if self.parameters.observer.yaw_rate_bias > 0.0 {
-            let (yaw, noise) = ((!bridged).then_some(seen.yaw), &self.parameters.observer);
-            seen.yaw_rate = self.state.rate_sensor.correct(yaw, seen.yaw_rate, elapsed, noise);
-        }
         let stops = self.guard.stops(&self.state.guard);
+        // The report has the errors as measured; what is known of the sensor's is for the control.
+        let mut report = self.locate(&seen);
+        let measured = seen.yaw_rate;
+        seen.yaw_rate = self.corrected_rate(&seen, bridged, elapsed);
         let measurement = &seen;
-        let mut report = self.locate(measurement);
         let far = report.e1.abs() > FAR_E1 || report.e2.abs() > FAR_E2;
         let previous = self.state.steer_cmd.unwrap_or(measurement.steer);
         let rolled_back = self.rolls_back(measurement.vx, elapsed);
         self.command_speed(measurement.vx, far, stops || rolled_back, elapsed, &mut report, begin);
 
-        let errors = ErrorState::new(report.e1, report.e1_rate, report.e2, report.e2_rate);
+        let e2_rate = report.e2_rate + (measurement.yaw_rate - measured);
+        let errors = ErrorState::new(report.e1, report.e1_rate, report.e2, e2_rate);
         let state = G::Vehicle::state(&errors, measurement);
         self.state.history.observe(&state, previous);
         if let (Some(bank), Some(state)) = (&self.bank, &mut self.state.bank) {
@@ -370,6 +370,20 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         report.compute_time = begin.elapsed().as_secs_f64();
         self.state.last = report;
         Ok(&self.state.last)
+    }
+
+    /// The yaw rate without the errors of its sensor that the drive has shown.
+    fn corrected_rate(&mut self, seen: &Measurement, bridged: bool, elapsed: f64) -> f64 {
+        let (sensor, noise) = (&mut self.state.rate_sensor, &self.parameters.observer);
+        if noise.yaw_rate_bias == 0.0 {
+            return seen.yaw_rate;
+        }
+        if self.state.guard.has_dead_rate() {
+            // What it seemed to show was of a sensor that says nothing; its estimate comes of the model.
+            *sensor = RateSensor::new(noise);
+            return seen.yaw_rate;
+        }
+        sensor.correct((!bridged).then_some(seen.yaw), seen.yaw_rate, elapsed, noise)
     }
 
     /// Forgets the vehicle's place: the host has moved it. The commands in force stay.

@@ -461,6 +461,11 @@ impl GuardState {
         NAMED.into_iter().zip(&self.age).filter(|(_, age)| **age > 0.0).map(|(signal, _)| signal)
     }
 
+    /// True if a rate is known to be dead.
+    pub(super) fn has_dead_rate(&self) -> bool {
+        self.resting.has_dead()
+    }
+
     /// Longest time for which a signal has been implausible, s.
     fn lost(&self) -> f64 {
         self.age.max()

@@ -9,7 +9,8 @@
 //! ```
 //!
 //! with the measured rate `w`. A Kalman filter takes each new yaw angle; steps without one only predict. Bias and scale
-//! are told apart by straights and bends, lateness by the beginnings of bends. The controller is given `(1 - s) w - b`.
+//! are told apart by straights and bends, lateness by the beginnings of bends. The controller is given `(1 - s) w - b`. A rate that
+//! rests to the bit for longer than a slow sensor's sample may be dead, and teaches nothing.
 //!
 //! Source: the filter of attitude and gyroscope bias, Lefferts, Markley and Shuster, Journal of Guidance 1982, for one axis.
 
@@ -29,6 +30,8 @@ const BIAS_WANDERS: f64 = 1e-5;
 const REST_WANDERS: f64 = 1e-4;
 /// Width of the gate, in standard deviations: beyond it the angle has jumped, and tells nothing of the rate.
 const GATE: f64 = 6.0;
+/// Longest time for which a living sensor's rate rests to the bit, s.
+const LONGEST_REST: f64 = 0.2;
 /// Largest bias, rad/s, and scale that are believed.
 const LARGEST_BIAS: f64 = 0.1;
 const LARGEST_SCALE: f64 = 0.2;
@@ -40,6 +43,8 @@ pub(super) struct RateSensor {
     covariance: SMatrix<f64, STATES, STATES>,
     /// The rate of the step before, rad/s; none before the first step.
     before: Option<f64>,
+    /// Time for which it has rested, s.
+    rested: f64,
 }
 
 impl RateSensor {
@@ -51,6 +56,7 @@ impl RateSensor {
             mean: SVector::zeros(),
             covariance: SMatrix::from_diagonal(&SVector::from(variances)),
             before: None,
+            rested: 0.0,
         }
     }
 
@@ -59,7 +65,12 @@ impl RateSensor {
         if !rate.is_finite() {
             return rate;
         }
+        let rests = self.before == Some(rate);
+        let rested = if rests { self.rested + elapsed } else { std::mem::take(&mut self.rested) };
+        // What a rate says at its next change is known then: a dead one never does.
+        let yaw = yaw.filter(|_| !rests);
         match (self.before.replace(rate), yaw) {
+            (Some(_), Some(yaw)) if rested > LONGEST_REST => self.begin(yaw, noise),
             (Some(before), _) => {
                 self.predict(0.5 * (before + rate), elapsed, noise);
                 if let Some(yaw) = yaw {
@@ -68,6 +79,9 @@ impl RateSensor {
             }
             (None, Some(yaw)) => self.begin(yaw, noise),
             (None, None) => self.before = None,
+        }
+        if rests {
+            self.rested = rested;
         }
         if !self.is_sound() {
             *self = Self::new(noise);
@@ -147,7 +161,8 @@ mod tests {
             yaw += rate * STEP;
             past.push(yaw);
             let seen = past[(past.len() - 1).saturating_sub(late)];
-            let angle = (k as usize % every == 0).then(|| wrap_angle(seen + draw(parameters.noise_yaw)));
+            let angle =
+                (k as usize).is_multiple_of(every).then(|| wrap_angle(seen + draw(parameters.noise_yaw)));
             let measured = (1.0 + scale) * rate + bias + draw(parameters.noise_yaw_rate);
             let truth = measured - (scale * rate + bias);
             let corrected = sensor.correct(angle, measured, STEP, &parameters);
@@ -180,10 +195,23 @@ mod tests {
         let parameters = ObserverParameters::default();
         let mut sensor = RateSensor::new(&parameters);
         let mut corrected = 0.0;
-        for _ in 0..100 {
-            corrected = sensor.correct(Some(1.0), 0.01, STEP, &parameters);
+        for k in 0..100 {
+            let noise = if k % 2 == 0 { 1e-6 } else { -1e-6 };
+            corrected = sensor.correct(Some(1.0), 0.01 + noise, STEP, &parameters);
         }
         assert!(corrected.abs() < 1e-3, "{corrected}");
+    }
+
+    #[test]
+    fn a_rate_that_rests_while_the_angle_turns_teaches_nothing() {
+        let parameters = ObserverParameters::default();
+        let mut sensor = RateSensor::new(&parameters);
+        for k in 0..500 {
+            let corrected =
+                sensor.correct(Some(wrap_angle(0.1 * STEP * f64::from(k))), 0.0, STEP, &parameters);
+            assert!(corrected.abs() < 5e-3, "{k}: {corrected}");
+        }
+        assert!(sensor.mean[1].abs() < 5e-3, "{}", sensor.mean);
     }
 
     #[test]

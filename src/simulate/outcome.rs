@@ -111,15 +111,19 @@ pub struct Ending {
     pub limits: LaneLimits,
     /// Length of the road, m.
     pub length: f64,
-    /// Distance driven along it, m.
+    /// Station of an open road at which the drive began, m; 0 at its start, before it, and on a closed one.
+    pub began: f64,
+    /// Distance driven along it from its start on, m.
     pub driven: f64,
 }
 
 impl Ending {
-    /// Share of the road that was driven: 1 of a completed one, although its end counts as reached a little before it.
+    /// Share of the road that was driven: 1 of a completed one from its start, although its end counts as reached a little
+    /// before it. What lies before the place of the beginning was not driven.
     #[must_use]
     pub fn driven_share(&self) -> f64 {
-        if self.outcome == Outcome::Completed { 1.0 } else { (self.driven / self.length).min(1.0) }
+        let end = if self.outcome == Outcome::Completed { self.length } else { self.driven.min(self.length) };
+        (end - self.began) / self.length
     }
 
     /// The place that decided the outcome: of a lost drive the one at which the lane was left, else the end.
@@ -137,6 +141,9 @@ impl Ending {
             }
             End::Road if self.place.lateral_error.abs() > self.limits.lateral_error => {
                 format!("it passed the end of the road {:.0} m beside it", self.place.lateral_error.abs())
+            }
+            End::Road if self.began > 0.0 => {
+                format!("the road was driven to its end, from station {:.0} m on", self.began)
             }
             End::Road => "the road was driven to its end".to_owned(),
             End::Standing { status } => {
@@ -198,6 +205,8 @@ pub(super) struct Referee {
     driven: f64,
     /// True once the vehicle was within its lane: one placed beside it has to come in first.
     entered: bool,
+    /// Station of an open road at the first place, m.
+    from: f64,
     /// First place of a vehicle that began beside its lane, and the one at which it came in.
     began: Option<Place>,
     entered_late: Option<[Place; 2]>,
@@ -215,6 +224,7 @@ impl Referee {
             place: None,
             driven: 0.0,
             entered: false,
+            from: 0.0,
             began: None,
             entered_late: None,
             departure: None,
@@ -236,6 +246,9 @@ impl Referee {
     pub fn see(&mut self, place: Place, speed: f64) {
         // A lap begins where the vehicle does, an open road at its first point.
         let first = if self.periodic { place.station } else { 0.0 };
+        if self.place.is_none() && place.station - first > END_TOLERANCE {
+            self.from = place.station;
+        }
         let mut advance = place.station - self.place.map_or(first, |before| before.station);
         if self.periodic {
             advance -= self.length * (advance / self.length).round();
@@ -285,8 +298,8 @@ impl Referee {
             End::Standing { .. } => Outcome::Stopped,
             End::Duration => Outcome::TimedOut,
         };
-        let Self { limits, length, driven, entered_late, .. } = *self;
-        Ending { outcome, end, place, departure, entered_late, limits, length, driven }
+        let Self { limits, length, driven, entered_late, from: began, .. } = *self;
+        Ending { outcome, end, place, departure, entered_late, limits, length, began, driven }
     }
 }
 
@@ -317,6 +330,15 @@ mod tests {
             referee.see(place, 10.0);
         }
         referee
+    }
+
+    #[test]
+    fn what_lies_before_the_beginning_was_not_driven() {
+        let ending = driven(100, |s| [s.max(60.0), 0.0, 0.0]).ending(End::Road);
+        assert!((ending.driven_share() - 0.4).abs() < 1e-9, "{}", ending.driven_share());
+        assert!(ending.reason().contains("from station 60 m on"), "{}", ending.reason());
+        let ending = driven(80, |s| [s.max(60.0), 0.0, 0.0]).ending(End::Duration);
+        assert!((ending.driven_share() - 0.2).abs() < 1e-9, "{}", ending.driven_share());
     }
 
     #[test]

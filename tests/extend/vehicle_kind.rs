@@ -102,7 +102,6 @@ struct Toy {
 impl ControlledParameters<6> for Toy {
     type Vehicle = Swinging;
 
-
     fn nominal(&self) -> Swinging {
         NOMINAL
     }
