@@ -160,7 +160,7 @@ def unknown_markdown(unknown: dict) -> list[str]:
         "## What nobody has told",
         "",
         "Default options on the first half of the matrix, at 2.25 m/s2 sideways (trucks 1.0), with one more difference of the real "
-        "vehicle in each drive, beside the matrix' actuator, friction, payload and noise (`rfl parameters` explains the effects; SI units).",
+        "vehicle in each drive, beside the matrix's actuator, friction, payload and noise (`rfl parameters` explains the effects; SI units).",
         "",
         markdown_table(head, body),
         "",

@@ -386,8 +386,11 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             }
         }
         if are_finite(told) {
-            let shown = state.spread.map(|spread| spread.clamp(1.0, LARGEST_SPREAD));
-            let variance = self.noise.component_mul(&shown);
+            // A value that rests shows no noise: what a rate misses then is no reason to allow it more.
+            let mut variance = self.noise;
+            for i in POSE {
+                variance[i] *= state.spread[i].clamp(1.0, LARGEST_SPREAD);
+            }
             state.resting.observe(told, !stale.pose, &variance, self.yaw_accel, elapsed);
         }
         (believed, contradicts)

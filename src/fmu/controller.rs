@@ -18,8 +18,8 @@ use self::host_step::HostSteps;
 use self::told_status::ToldStatuses;
 use super::{failed, vehicle_named};
 use crate::control::{
-    Choice, ControlStatus, ControlVariant, ControllerFile, ControllerFor, ControllerState, Measurement,
-    PredictionModelFor, Propagation, RollOut, Sampler,
+    Choice, ControlStatus, ControlVariant, ControllerFile, ControllerFor, ControllerState, KnownActuator,
+    Measurement, PredictionModelFor, Propagation, RollOut, Sampler,
 };
 use crate::finite::check_finite;
 use crate::fmi::{Context, Declaration, Log, Model, ModelError, Severity, Values};
@@ -316,7 +316,8 @@ fn write_outputs<U: ControllerUnit<S>, const S: usize>(
         values.set_real(vr, value);
     }
     if let Some(known) = controller.known_actuator() {
-        let found = [known.actuator.dead_time, known.actuator.time_constant, known.spread];
+        let KnownActuator { actuator, spread, backlash, .. } = known;
+        let found = [actuator.dead_time, actuator.time_constant, spread, backlash];
         for (vr, value) in v.found.iter().zip(found) {
             values.set_real(*vr, value);
         }

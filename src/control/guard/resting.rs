@@ -9,7 +9,8 @@
 //!
 //! `sqrt(3 R)` is the largest error of a value in steps that rests within one of them. No gate of a single step sees such a
 //! fault: tyres may do as much between two samples, and the filter believes a sensor more than its model. A pose that jumps is
-//! no motion: from one sample to the next its own velocity changes by no more than tyres give. From there `T` counts anew.
+//! no motion: from one sample to the next its own velocity changes by no more than tyres give. From there `T` counts anew, and from
+//! where a value has agreed so far: a long straight would hide what a bend then shows.
 
 use super::{ARTICULATION, GATE, GRIP, LARGEST_SCALE, Signals, difference};
 use serde::{Deserialize, Serialize};
@@ -17,6 +18,8 @@ use serde::{Deserialize, Serialize};
 /// Rates, and the signal that each is the rate of; the speed is that of the place.
 const RATES: [(usize, usize); 3] = [(SPEED, 0), (5, 2), (ARTICULATION + 1, ARTICULATION)];
 const SPEED: usize = 3;
+/// Share of the error of a resting value up to which it agrees with its pose.
+const AGREES: f64 = 0.5;
 
 /// A rate that has not changed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -94,7 +97,8 @@ impl Resting {
                 *rest = RestingRate { since: *told, age: 0.0, ..*rest };
                 continue;
             }
-            let allowed = GATE * (2.0 * variance[of]).sqrt() + (3.0 * variance[rate]).sqrt() * rest.age;
+            let of_rest = (3.0 * variance[rate]).sqrt() * rest.age;
+            let allowed = GATE * (2.0 * variance[of]).sqrt() + of_rest;
             let off = if rate == SPEED {
                 let moved = (told[0] - rest.since[0]).hypot(told[1] - rest.since[1]);
                 moved * (1.0 - LARGEST_SCALE) - told[rate].abs() * rest.age
@@ -103,6 +107,10 @@ impl Resting {
                 difference(of, told[of], rest.since[of] + told[rate] * rest.age).abs()
             };
             rest.is_dead |= off > allowed;
+            // What has agreed so far would only widen the limit for what comes.
+            if !rest.is_dead && off < AGREES * of_rest {
+                *rest = RestingRate { since: *told, age: 0.0, ..*rest };
+            }
         }
     }
 }

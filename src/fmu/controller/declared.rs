@@ -64,7 +64,7 @@ pub(super) struct Outputs {
     pub(super) status: Vr,
     pub(super) iterations: Vr,
     pub(super) compute_time: Vr,
-    pub(super) found: [Vr; 3],
+    pub(super) found: [Vr; 4],
     pub(super) finished: Vr,
     pub(super) path_length: Vr,
     pub(super) start: [Vr; 4],
@@ -179,12 +179,22 @@ fn add_outputs(d: &mut Declaration, shown: usize) -> Outputs {
     let found = [
         (
             "dead_time",
+            Unit::SECOND,
             "Dead time of the steering actuator as the drive has shown it; that of actuator.* before",
         ),
-        ("time_constant", "Time constant of the steering actuator's lag as the drive has shown it"),
-        ("spread", "Standard deviation of the sum of both: how sure the controller is"),
+        (
+            "time_constant",
+            Unit::SECOND,
+            "Time constant of the steering actuator's lag as the drive has shown it",
+        ),
+        ("spread", Unit::SECOND, "Standard deviation of the sum of both: how sure the controller is"),
+        (
+            "backlash",
+            Unit::RADIAN,
+            "Width of the steering's gap that is taken up: that of actuator.*, or which the drive has shown",
+        ),
     ]
-    .map(|(name, meaning)| real(format!("actuator.found.{name}"), Unit::SECOND, meaning.into()));
+    .map(|(name, unit, meaning)| real(format!("actuator.found.{name}"), unit, meaning.into()));
     let path_length = real("path.length".into(), Unit::METRE, "Length of the path".into());
     let start =
         [("x", Unit::METRE), ("y", Unit::METRE), ("yaw", Unit::RADIAN), ("speed", Unit::METRE_PER_SECOND)]
