@@ -273,6 +273,8 @@ def write_markdown(results: dict, raw: dict, out: Path) -> None:
         plant = name.removesuffix("_noise")
         noise = "with sensor noise" if name.endswith("_noise") else "without sensor noise"
         text += [f"### {PLANTS[plant].capitalize()}, {noise}", ""]
+        # A condition that was kept from an earlier run says so.
+        text += program_lines({"program": results["kept"][name]}) if name in results.get("kept", {}) else []
         for protocol, title in PROTOCOLS.items():
             text += [f"**{title}**", "", tracking_markdown(tables[protocol]), ""]
     missing = [n for p in PLANTS for n in (p, f"{p}_noise") if n not in results["conditions"]]
@@ -281,8 +283,18 @@ def write_markdown(results: dict, raw: dict, out: Path) -> None:
     (out / "passenger-car.md").write_text("\n".join(text))
 
 
+def keep(results: dict, before: dict, names: list[str]) -> None:
+    """Takes over the conditions that were not run, of the same car and effort, with the program that ran them."""
+    same = all(results[key] == before.get(key) for key in ("vehicle", "effort"))
+    results["kept"] = {}
+    for name in names if same else ():
+        if name not in results["conditions"] and name in before["conditions"]:
+            results["conditions"][name] = before["conditions"][name]
+            results["kept"][name] = before.get("kept", {}).get(name, before["program"])
+
+
 def write(folder: Path, out: Path) -> None:
-    """Writes the results of the conditions in a folder of `rfl evaluate`."""
+    """Writes the results of the conditions in a folder of `rfl evaluate`; others stay as an earlier run had them."""
     names = [
         f"{plant}{noise}" for plant in (HEADLINE, *(p for p in PLANTS if p != HEADLINE)) for noise in ("", "_noise")
     ]
@@ -300,6 +312,9 @@ def write(folder: Path, out: Path) -> None:
         "ablations": head["ablations"],
         "paper": PAPER,
     }
+    before = out / "passenger-car.json"
+    if before.exists():
+        keep(results, json.loads(before.read_text()), names)
     if f"{HEADLINE}_noise" in raw:
         results["tracking_noise"] = table(raw[f"{HEADLINE}_noise"], "own_best")
     weights = {row["row"]: row["weights"] for row in head["rows"]}

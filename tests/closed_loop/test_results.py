@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="plots need scripts/setup --plots")
 
-from results import truck
+from results import car, truck
 from results.common import summary, tracking_markdown
 
 
@@ -65,3 +65,19 @@ def test_the_sweep_marks_divergence():
     ]
     text = truck.sweep_markdown(truck.sweep_table(points)["default"])
     assert "| MPC | 100.00 | diverged |" in text and "| RFL | 10.00 | nothing to learn from |" in text
+
+
+def test_conditions_that_were_not_run_stay_with_the_program_that_ran_them():
+    names = ["lag", "as_is"]
+    before = {"vehicle": "A", "effort": {"seeds": 5}, "program": "old", "conditions": {"lag": 1, "as_is": 2}}
+    results = {"vehicle": "A", "effort": {"seeds": 5}, "conditions": {"lag": 3}}
+    car.keep(results, before, names)
+    assert results["conditions"] == {"lag": 3, "as_is": 2} and results["kept"] == {"as_is": "old"}
+    # What was kept once is still of that program.
+    again = {"vehicle": "A", "effort": {"seeds": 5}, "conditions": {"lag": 4}}
+    car.keep(again, results | {"program": "newer"}, names)
+    assert again["kept"] == {"as_is": "old"}
+    for other in ({"vehicle": "B"}, {"effort": {"seeds": 3}}):
+        alone = {"vehicle": "A", "effort": {"seeds": 5}, "conditions": {"lag": 3}}
+        car.keep(alone, before | other, names)
+        assert alone["conditions"] == {"lag": 3} and alone["kept"] == {}
