@@ -411,11 +411,9 @@ impl Bank {
         state.turn = (state.turn + 1) % TURNS;
         let mut best = f64::NEG_INFINITY;
         for (k, hypothesis) in self.hypotheses.iter().enumerate() {
-            if k % TURNS != state.turn && state.log_likelihood[k] < least {
-                continue;
-            }
-            let mut value = hypothesis.log_prior;
-            if weight > 0.0 {
+            let waits = k % TURNS != state.turn && state.log_likelihood[k] < least;
+            let mut value = if waits { state.log_likelihood[k] } else { hypothesis.log_prior };
+            if weight > 0.0 && !waits {
                 let [of_angle, of_square, product] = state.steer.each[k];
                 let mean = sum / weight;
                 let whole = (square / weight - mean * mean).max(0.0);
@@ -424,7 +422,7 @@ impl Bank {
                 let explained = if own > TINY { both * both / own } else { 0.0 };
                 value += likelihood((whole - explained).max(0.0), independent * weight, STEER_NOISE);
             }
-            if let Some(rest) = &of_rest {
+            if let Some(rest) = of_rest.as_ref().filter(|_| !waits) {
                 value += likelihood(rest.variance(&state.yaw.each[k]), independent * rest.weight, YAW_NOISE);
             }
             state.log_likelihood[k] = value;
