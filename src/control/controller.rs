@@ -111,6 +111,8 @@ const START_LATERAL_ACCEL: f64 = 0.3;
 /// Share of the steering's rate and of the lateral jerk that the speed plan uses: the rest is for errors.
 const PLANNED_SHARE: f64 = 0.5;
 
+/// Share of a sample time that the rounding of a clock may make.
+const ROUNDING: f64 = 1e-6;
 /// Lateral error beyond which there is a fault and speed is given up first: a lane's width, m.
 const FAR_E1: f64 = 3.5;
 /// Yaw error beyond which there is a fault, too, rad.
@@ -259,6 +261,8 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let elapsed = self.state.time.map_or(sample_time, |before| time - before);
         // A clock that stands still or runs back says nothing.
         let elapsed = if elapsed > 0.0 && elapsed.is_finite() { elapsed } else { sample_time };
+        // Of a host's clock the last digits are rounding: in every host a sample time is the same.
+        let elapsed = if (elapsed / sample_time - 1.0).abs() < ROUNDING { sample_time } else { elapsed };
         let before = self.state.time.replace(time);
         if let Err(error) = self.step_after(measurement, elapsed) {
             self.state.time = before;
