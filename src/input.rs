@@ -47,7 +47,13 @@ pub fn read_text(file: &Path) -> Result<String> {
 pub(crate) fn toml_error(text: &str, error: &toml::de::Error) -> (usize, String) {
     let start = error.span().map_or(0, |span| span.start);
     let line = text.bytes().take(start).filter(|byte| *byte == b'\n').count() + 1;
-    (line, error.message().replace('\n', ", "))
+    let mut words = error.message().replace('\n', ", ");
+    let digits = |pair: &[u8]| pair[0].is_ascii_digit() && pair[2].is_ascii_digit() && pair[1] == b',';
+    let written = text.lines().nth(line - 1).unwrap_or_default();
+    if !written.contains('[') && written.as_bytes().windows(3).any(digits) {
+        words.push_str("; a number has a decimal point, no comma");
+    }
+    (line, words)
 }
 
 /// Kind of a file that is not an ordinary one.

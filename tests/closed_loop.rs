@@ -30,9 +30,9 @@ fn drive(route: Route, car: &str, effects: &Effects) -> CarDrive {
 /// to a fiftieth of a millimetre on every machine; a change of plant or controller that moves them is seen, and says so.
 const GOLDEN: [(&str, f64, f64); 5] = [
     ("c_class", 0.00034, 0.00173),
-    ("bmw_320i", 0.00075, 0.00580),
-    ("ford_escort", 0.00066, 0.00600),
-    ("vw_vanagon", 0.00072, 0.00581),
+    ("bmw_320i", 0.00075, 0.00583),
+    ("ford_escort", 0.00066, 0.00603),
+    ("vw_vanagon", 0.00072, 0.00584),
     ("genesis", 0.00050, 0.00259),
 ];
 

@@ -33,12 +33,12 @@ impl LateralVehicle<1> for Integrator {
         Vector1::zeros()
     }
 
-    fn parameters(&self) -> Vec<(&'static str, f64)> {
-        vec![]
+    fn steady_steer(&self, _: f64) -> f64 {
+        1.0
     }
 
-    fn wheelbase(&self) -> f64 {
-        1.0
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        vec![]
     }
 }
 

@@ -25,9 +25,14 @@ fn motorway() -> Arc<Path> {
 
 fn loop_of(name: &str, effects: Effects) -> ClosedLoop {
     let car = builtin(name).unwrap();
-    let controller =
-        ControllerFor::new(<Car as SimulatedVehicle<4, CAR_COLUMNS>>::controller(&car), motorway()).unwrap();
-    ClosedLoop::at_start(controller, &car, &effects, 0.02).unwrap()
+    loop_told(&car, &car, effects)
+}
+
+/// A car whose file says `told`.
+fn loop_told(told: &CarParameters, car: &CarParameters, effects: Effects) -> ClosedLoop {
+    let parameters = <Car as SimulatedVehicle<4, CAR_COLUMNS>>::controller(told);
+    let controller = ControllerFor::new(parameters, motorway()).unwrap();
+    ClosedLoop::at_start(controller, car, &effects, 0.02).unwrap()
 }
 
 /// Drives to the end.
@@ -60,6 +65,39 @@ fn a_gap_of_the_steering_is_found_and_taken_up() {
         let found = closed.controller().known_actuator().unwrap().backlash;
         assert!((found / gap - 1.0).abs() < 0.4, "{name}: {found} for {gap}");
         assert!(tracking.mae < 0.03 && tracking.max < 0.5, "{name}, {gap}: {tracking:?}");
+    }
+}
+
+#[test]
+fn a_gap_and_an_offset_that_the_file_tells_are_the_steerings() {
+    for (name, gap, offset) in [("c_class", 0.005, 0.0), ("ford_escort", 0.02, 0.0), ("bmw_320i", 0.0, 0.03)]
+    {
+        let mut car = builtin(name).unwrap();
+        (car.steering.backlash, car.steering.offset) = (gap, offset);
+        let mut closed = loop_told(&car, &car, Effects::default());
+        let tracking = drive(&mut closed);
+        let known = closed.controller().known_actuator().unwrap();
+        assert_eq!(known.backlash, gap, "{name}: {known:?}");
+        let [told, found] = [
+            car.steering.dead_time + car.steering.lag,
+            known.actuator.dead_time + known.actuator.time_constant,
+        ];
+        assert!((found - told).abs() < 0.02, "{name}: {told} {known:?}");
+        assert!(tracking.mae < 0.03 && tracking.max < 0.2, "{name}: {tracking:?}");
+    }
+}
+
+#[test]
+fn a_wrong_gap_in_the_file_is_corrected() {
+    for (gap_told, true_gap) in [(0.01, 0.0), (0.004, 0.014), (0.0, 0.06)] {
+        let [mut told, mut car] = [builtin("c_class").unwrap(), builtin("c_class").unwrap()];
+        (told.steering.backlash, car.steering.backlash) = (gap_told, true_gap);
+        let mut closed = loop_told(&told, &car, Effects::default());
+        let tracking = drive(&mut closed);
+        let found = closed.controller().known_actuator().unwrap().backlash;
+        assert!((found - true_gap).abs() <= 0.4 * true_gap, "{gap_told} {true_gap}: {found}");
+        // Until it is known, a wide one costs most of a lane's margin once.
+        assert!(tracking.mae < 0.1 && tracking.max < 1.0, "{gap_told} {true_gap}: {tracking:?}");
     }
 }
 

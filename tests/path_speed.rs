@@ -2,7 +2,9 @@
 
 use proptest::prelude::*;
 use rfl_mpc::path::sudoku::Route;
-use rfl_mpc::path::{BRAKED_SHARE, CAR_GRIP, Closure, DRIVEN_SHARE, Path, Sample, SpeedLimits, SpeedPlan};
+use rfl_mpc::path::{
+    BRAKED_SHARE, CAR_GRIP, Closure, DRIVEN_SHARE, Path, Sample, SpeedLimits, SpeedPlan, TightestTurn,
+};
 use std::f64::consts::TAU;
 
 const LIMITS: SpeedLimits = SpeedLimits {
@@ -12,7 +14,7 @@ const LIMITS: SpeedLimits = SpeedLimits {
     brake_decel: f64::INFINITY,
     speed: 20.0,
     curvature_rate: f64::INFINITY,
-    curvature: f64::INFINITY,
+    turn: None,
     lateral_jerk: f64::INFINITY,
     grip: CAR_GRIP,
 };
@@ -26,11 +28,15 @@ fn course(route: Route) -> Path {
     Path::from_samples(route.samples(), closure).unwrap()
 }
 
+fn circle(radius: f64) -> Path {
+    let angles = (0..314).map(|i| TAU * f64::from(i) / 314.0);
+    let samples = angles.map(|a| Sample::at(radius * a.cos(), radius * a.sin()));
+    Path::from_samples(samples.collect(), Closure::Detect).unwrap()
+}
+
 #[test]
 fn a_circle_is_driven_at_its_lateral_limit() {
-    let samples =
-        (0..314).map(|i| TAU * f64::from(i) / 314.0).map(|a| Sample::at(50.0 * a.cos(), 50.0 * a.sin()));
-    let path = Path::from_samples(samples.collect(), Closure::Detect).unwrap();
+    let path = circle(50.0);
     let plan = SpeedPlan::new(&path, &LIMITS);
     for i in 0..100 {
         assert!((plan.speed(f64::from(i)) - 10.0).abs() < 1e-3);
@@ -177,7 +183,8 @@ fn kinked(angle: f64) -> Path {
 
 #[test]
 fn a_kink_is_driven_as_slowly_as_the_steering_turns_and_no_slower() {
-    let steered = SpeedLimits { curvature_rate: 0.15, curvature: 0.2, ..LIMITS };
+    let turn = TightestTurn { lock: 0.5, wheelbase: 5.0 * 0.5_f64.tan(), rear: 0.0, understeer: 0.0 };
+    let steered = SpeedLimits { curvature_rate: 0.15, turn: Some(turn), ..LIMITS };
     for angle in [0.35, 0.5, 0.8] {
         let plan = SpeedPlan::new(&kinked(angle), &steered);
         let slowest = (0..400).map(|i| plan.speed(80.0 + 0.1 * f64::from(i))).fold(f64::INFINITY, f64::min);
@@ -188,10 +195,28 @@ fn a_kink_is_driven_as_slowly_as_the_steering_turns_and_no_slower() {
     // No road that the vehicle can follow is driven otherwise.
     for route in [Route::SudokuTurns, Route::HairpinCircuit] {
         let path = course(route);
-        let [with, without] = [0.2, f64::INFINITY]
-            .map(|curvature| SpeedPlan::new(&path, &SpeedLimits { curvature, ..steered }));
+        let [with, without] =
+            [Some(turn), None].map(|turn| SpeedPlan::new(&path, &SpeedLimits { turn, ..steered }));
         let all = 0..path.length() as usize;
         assert!(all.into_iter().all(|s| with.speed(s as f64).to_bits() == without.speed(s as f64).to_bits()));
+    }
+}
+
+#[test]
+fn a_bend_leaves_understeer_the_rest_of_the_steering() {
+    // A circle of 20 m of the CG, whose rear axle drives on one of 19.96 m.
+    let circle = circle(20.0);
+    for (lock, expected) in
+        [(0.2, None), (0.16, None), (0.145, Some(4.05)), (0.12, Some(1.4)), (0.05, Some(1.4))]
+    {
+        let turn = TightestTurn { lock, wheelbase: 2.7, rear: 1.3, understeer: 0.004 };
+        let [with, without] = [Some(turn), None].map(|turn| {
+            SpeedPlan::new(&circle, &SpeedLimits { turn, lateral_accel: 2.25, ..LIMITS }).speed(30.0)
+        });
+        let left = 0.95 * lock - 2.7_f64.atan2((400.0_f64 - 1.69).sqrt());
+        let by_hand = (left / 0.004 * 20.0).max(1.4 * 1.4).sqrt().min(without);
+        assert!((with - by_hand).abs() < 0.01, "{lock}: {with} {by_hand}");
+        assert!(expected.is_none_or(|expected| (with - expected).abs() < 0.5), "{lock}: {with}");
     }
 }
 

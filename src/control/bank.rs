@@ -26,23 +26,17 @@
 //! Source: multiple-model estimation, Magill 1965; Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking
 //! and Navigation, 2001, ch. 11.6; the integrated likelihood: Gelman and others, Bayesian Data Analysis, ch. 14.
 
+mod hypothesis;
+mod regression;
+
+pub use self::hypothesis::WIDEST_GAP;
+pub(super) use self::hypothesis::slowest;
+use self::hypothesis::{ActuatorHypothesis, Hypotheses};
+use self::regression::{BESIDE, Rest, TINY};
 use super::step::Measurement;
 use crate::nominal::{Actuator, DeadTimeModel};
 use serde::{Deserialize, Serialize};
 
-/// Longest dead time of a hypothesis, s, and the spacing of dead times.
-const LONGEST_DEAD_TIME: f64 = 0.36;
-const DEAD_TIME_SPACING: f64 = 0.02;
-/// Time constants of the hypotheses, s.
-const LAGS: [f64; 7] = [0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3];
-/// Widths of gaps of the hypotheses, rad, and the dead times, s, and lags that they are combined with beside the file's.
-const GAPS: [f64; 9] = [0.0015, 0.0025, 0.004, 0.0055, 0.0075, 0.01, 0.014, 0.02, 0.03];
-const GAP_DEAD_TIMES: [f64; 3] = [0.0, 0.06, 0.14];
-const GAP_LAGS: [usize; 3] = [0, 2, 4];
-/// Prior odds of a gap that the file does not know.
-const PRIOR_OF_GAP: f64 = 0.1;
-/// Prior probability that the actuator is the file's. A file deserves it if nobody has looked up its dead time and lag.
-const PRIOR_OF_FILE: f64 = 0.8;
 /// Expected size of residuals before any is seen. Noise of an angle sensor with the play of a linkage, rad, and
 /// unmodelled yaw acceleration of single-track and sensor, rad/s2.
 const STEER_NOISE: f64 = 1e-3;
@@ -59,15 +53,6 @@ const CORRELATION: f64 = 0.1;
 const MEMORY: f64 = 20.0;
 /// Speed below which the yaw rate is uninformative, m/s.
 const LEAST_SPEED: f64 = 2.0;
-/// Regressors of the yaw acceleration beside the angle: 1, r/v, vy/v, and of a truck its articulation and the rate of it.
-const BESIDE: usize = 5;
-
-/// The hypothesis that looks back farthest.
-#[must_use]
-pub(super) fn slowest() -> Actuator {
-    let time_constant = LAGS[LAGS.len() - 1];
-    Actuator { dead_time: LONGEST_DEAD_TIME, time_constant, dead_time_model: DeadTimeModel::Exact }
-}
 
 /// The actuator, as far as it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -82,23 +67,11 @@ pub struct KnownActuator {
     pub backlash: f64,
 }
 
-/// A first-order lag behind a dead time of a fraction of a step, sampled just before each command.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Lag {
-    lag: f64,
-    decay: f64,
-    newer: f64,
-    older: f64,
-}
-
 /// The hypotheses: the part that steps do not change.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bank {
     sample_time: f64,
-    lags: Vec<Lag>,
-    /// Lags whose angle passes a gap, and its width: rings behind those of the lags.
-    gaps: Vec<(usize, f64)>,
-    hypotheses: Vec<ActuatorHypothesis>,
+    hypotheses: Hypotheses,
     file: Actuator,
     /// Width of the file's gap, rad.
     backlash: f64,
@@ -106,20 +79,6 @@ pub struct Bank {
     reach: usize,
     /// Standard deviation of the sum of dead time and lag before the drive, s.
     spread_before: f64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct ActuatorHypothesis {
-    lag: usize,
-    /// Ring of its angle.
-    ring: usize,
-    /// Width of the gap beyond the file's, rad.
-    gap: f64,
-    /// Whole steps of the dead time.
-    delay: usize,
-    /// Dead time, s.
-    dead_time: f64,
-    log_prior: f64,
 }
 
 /// Everything that steps change.
@@ -161,86 +120,13 @@ struct Yaw {
     each: Vec<[f64; BESIDE + 2]>,
 }
 
-impl Lag {
-    /// `delta' = (u(t - f Ts) - delta) / tau`, a fraction `f` of a step late.
-    fn new(lag: f64, fraction: f64, sample_time: f64) -> Self {
-        let kept = |time: f64| if lag > 0.0 { (-time / lag).exp() } else { 0.0 };
-        let decay = kept(sample_time);
-        // The newer command acts in the last part of the step.
-        let newer =
-            if lag > 0.0 || fraction < 1.0 { 1.0 - kept((1.0 - fraction) * sample_time) } else { 0.0 };
-        Self { lag, decay, newer, older: 1.0 - decay - newer }
-    }
-}
-
 impl Bank {
-    /// The hypotheses beside the file's actuator, whose gap has a width of `backlash`, rad.
+    /// The bank beside the file's actuator, whose gap has a width of `backlash`, rad.
     #[must_use]
     pub fn new(file: Actuator, backlash: f64, sample_time: f64) -> Self {
-        let steps = |time: f64| (time / sample_time + 1e-9).floor() as usize;
-        let mut lags: Vec<Lag> = LAGS.iter().map(|&lag| Lag::new(lag, 0.0, sample_time)).collect();
-        let spacing = DEAD_TIME_SPACING.max(sample_time);
-        let mut hypotheses = Vec::new();
-        for k in 0..=(LONGEST_DEAD_TIME / spacing + 1e-9).floor() as usize {
-            let delay = (k as f64 * spacing / sample_time).round() as usize;
-            let dead_time = delay as f64 * sample_time;
-            for lag in 0..lags.len() {
-                hypotheses.push(ActuatorHypothesis {
-                    lag,
-                    ring: lag,
-                    gap: 0.0,
-                    delay,
-                    dead_time,
-                    log_prior: 0.0,
-                });
-            }
-        }
-        let ignorance = ((1.0 - PRIOR_OF_FILE) / hypotheses.len() as f64).ln();
-        for hypothesis in &mut hypotheses {
-            hypothesis.log_prior = ignorance;
-        }
-        let delay = steps(file.dead_time);
-        let fraction = (file.dead_time / sample_time - delay as f64).clamp(0.0, 1.0);
-        let fraction = if fraction < 1e-6 { 0.0 } else { fraction };
-        lags.push(Lag::new(file.time_constant, fraction, sample_time));
-        let lag = lags.len() - 1;
-        hypotheses.push(ActuatorHypothesis {
-            lag,
-            ring: lag,
-            gap: 0.0,
-            delay,
-            dead_time: file.dead_time,
-            log_prior: PRIOR_OF_FILE.ln(),
-        });
-        let mut gaps = Vec::new();
-        let among = (GAP_LAGS.len() * GAP_DEAD_TIMES.len() * GAPS.len()) as f64;
-        let [of_file, ignorance] = [PRIOR_OF_FILE / GAPS.len() as f64, (1.0 - PRIOR_OF_FILE) / among]
-            .map(|share| (PRIOR_OF_GAP * share).ln());
-        for gap in GAPS {
-            let ring = lags.len() + gaps.len();
-            gaps.push((lag, backlash + gap));
-            let dead_time = file.dead_time;
-            hypotheses.push(ActuatorHypothesis { lag, ring, gap, delay, dead_time, log_prior: of_file });
-            for lag in GAP_LAGS {
-                let ring = lags.len() + gaps.len();
-                gaps.push((lag, backlash + gap));
-                for dead_time in GAP_DEAD_TIMES {
-                    let delay = (dead_time / sample_time).round() as usize;
-                    let dead_time = delay as f64 * sample_time;
-                    hypotheses.push(ActuatorHypothesis {
-                        lag,
-                        ring,
-                        gap,
-                        delay,
-                        dead_time,
-                        log_prior: ignorance,
-                    });
-                }
-            }
-        }
-        let reach = hypotheses.iter().map(|h| h.delay).max().unwrap_or(0) + 2;
-        let mut bank =
-            Self { sample_time, lags, gaps, hypotheses, file, backlash, reach, spread_before: 0.0 };
+        let hypotheses = Hypotheses::new(file, backlash, sample_time);
+        let reach = hypotheses.longest_delay() + 2;
+        let mut bank = Self { sample_time, hypotheses, file, backlash, reach, spread_before: 0.0 };
         bank.spread_before = bank.state().known.spread;
         bank
     }
@@ -248,11 +134,11 @@ impl Bank {
     /// The state before the first step.
     #[must_use]
     pub fn state(&self) -> BankState {
-        let count = self.hypotheses.len();
+        let count = self.hypotheses.each.len();
         let known = KnownActuator { actuator: self.file, spread: 0.0, shown: false, backlash: self.backlash };
         let mut state = BankState {
             commands: None,
-            angles: vec![0.0; (self.lags.len() + self.gaps.len()) * self.reach],
+            angles: vec![0.0; self.hypotheses.rings() * self.reach],
             newest: 0,
             steer: Steer { common: [0.0; 3], each: vec![[0.0; 3]; count] },
             yaw: Yaw { common: Default::default(), each: vec![[0.0; BESIDE + 2]; count] },
@@ -269,8 +155,8 @@ impl Bank {
     /// True if a state belongs to these hypotheses.
     #[must_use]
     pub fn fits(&self, state: &BankState) -> bool {
-        let count = self.hypotheses.len();
-        state.angles.len() == (self.lags.len() + self.gaps.len()) * self.reach
+        let count = self.hypotheses.each.len();
+        state.angles.len() == self.hypotheses.rings() * self.reach
             && state.newest < self.reach
             && state.best < count
             && state.steer.each.len() == count
@@ -298,11 +184,11 @@ impl Bank {
         state.commands = Some([newer, older]);
         let before = state.newest;
         state.newest = (before + 1) % self.reach;
-        for (lag, angles) in self.lags.iter().zip(state.angles.chunks_exact_mut(self.reach)) {
+        for (lag, angles) in self.hypotheses.lags.iter().zip(state.angles.chunks_exact_mut(self.reach)) {
             angles[state.newest] = lag.decay * angles[before] + lag.newer * newer + lag.older * older;
         }
-        let (by_lag, by_gap) = state.angles.split_at_mut(self.lags.len() * self.reach);
-        for (&(lag, width), angles) in self.gaps.iter().zip(by_gap.chunks_exact_mut(self.reach)) {
+        let (by_lag, by_gap) = state.angles.split_at_mut(self.hypotheses.lags.len() * self.reach);
+        for (&(lag, width), angles) in self.hypotheses.gaps.iter().zip(by_gap.chunks_exact_mut(self.reach)) {
             let driving = by_lag[lag * self.reach + state.newest];
             // The wheels rest while the linkage crosses the gap.
             angles[state.newest] = angles[before].max(driving - 0.5 * width).min(driving + 0.5 * width);
@@ -320,7 +206,7 @@ impl Bank {
     /// Angle at the wheels by the most probable hypothesis; none before the first step.
     #[must_use]
     pub fn angle_now(&self, state: &BankState) -> Option<f64> {
-        state.commands.map(|_| self.angle(state, &self.hypotheses[state.best], 0))
+        state.commands.map(|_| self.angle(state, &self.hypotheses.each[state.best], 0))
     }
 
     /// Angle of a hypothesis, so many steps ago.
@@ -332,9 +218,13 @@ impl Bank {
 
     /// Mean and variance over the hypotheses.
     fn spread(&self, angle: impl Fn(&ActuatorHypothesis) -> f64) -> f64 {
-        let count = self.hypotheses.len() as f64;
-        let (sum, square) =
-            self.hypotheses.iter().map(&angle).fold((0.0, 0.0), |(sum, square), x| (sum + x, square + x * x));
+        let count = self.hypotheses.each.len() as f64;
+        let (sum, square) = self
+            .hypotheses
+            .each
+            .iter()
+            .map(&angle)
+            .fold((0.0, 0.0), |(sum, square), x| (sum + x, square + x * x));
         (square / count - (sum / count).powi(2)).max(0.0)
     }
 
@@ -350,7 +240,7 @@ impl Bank {
         *weight = *weight * keep + share;
         *sum = *sum * keep + share * steer;
         *square = *square * keep + share * steer * steer;
-        for (hypothesis, [sum, square, product]) in self.hypotheses.iter().zip(&mut sums.each) {
+        for (hypothesis, [sum, square, product]) in self.hypotheses.each.iter().zip(&mut sums.each) {
             let angle = self.angle(state, hypothesis, 0);
             *sum = *sum * keep + share * angle;
             *square = *square * keep + share * angle * angle;
@@ -389,7 +279,7 @@ impl Bank {
                 sums.common[i][j] = sums.common[i][j] * keep + share * row[i] * row[j];
             }
         }
-        for (hypothesis, sums) in self.hypotheses.iter().zip(&mut sums.each) {
+        for (hypothesis, sums) in self.hypotheses.each.iter().zip(&mut sums.each) {
             let angle = 0.5 * (self.angle(state, hypothesis, 0) + self.angle(state, hypothesis, 1));
             for (sum, value) in sums.iter_mut().zip(row.iter().chain([&angle])) {
                 *sum = *sum * keep + share * angle * value;
@@ -399,47 +289,57 @@ impl Bank {
         true
     }
 
-    /// From the sums to probabilities, and to the known actuator.
-    fn conclude(&self, state: &mut BankState) {
-        let likelihood = |variance: f64, count: f64, noise: f64| {
+    /// Logarithm of the likelihood of a hypothesis: what each measurement's regression leaves.
+    fn log_likelihood(&self, state: &BankState, k: usize, of_rest: Option<&Rest>) -> f64 {
+        let independent = (self.sample_time / CORRELATION).min(1.0);
+        let of = |variance: f64, weight: f64, noise: f64| {
+            let count = independent * weight;
             -0.5 * (count + PRIOR_SAMPLES) * (PRIOR_SAMPLES * noise * noise + count * variance).ln()
         };
-        let independent = (self.sample_time / CORRELATION).min(1.0);
         let [weight, sum, square] = state.steer.common;
+        let mut value = 0.0;
+        if weight > 0.0 {
+            let [of_angle, of_square, product] = state.steer.each[k];
+            let mean = sum / weight;
+            let whole = (square / weight - mean * mean).max(0.0);
+            let own = (of_square / weight - (of_angle / weight).powi(2)).max(0.0);
+            let both = product / weight - mean * of_angle / weight;
+            let explained = if own > TINY { both * both / own } else { 0.0 };
+            value += of((whole - explained).max(0.0), weight, STEER_NOISE);
+        }
+        if let Some(rest) = of_rest {
+            value += of(rest.variance(&state.yaw.each[k]), rest.weight, YAW_NOISE);
+        }
+        value
+    }
+
+    /// From the sums to probabilities, and to the known actuator.
+    fn conclude(&self, state: &mut BankState) {
         let of_rest = Rest::of(&state.yaw.common);
         let least = state.log_likelihood[state.best] + IMPROBABLE;
         state.turn = (state.turn + 1) % TURNS;
         let mut best = f64::NEG_INFINITY;
-        for (k, hypothesis) in self.hypotheses.iter().enumerate() {
+        for (k, hypothesis) in self.hypotheses.each.iter().enumerate() {
             let waits = k % TURNS != state.turn && state.log_likelihood[k] < least;
-            let mut value = if waits { state.log_likelihood[k] } else { hypothesis.log_prior };
-            if weight > 0.0 && !waits {
-                let [of_angle, of_square, product] = state.steer.each[k];
-                let mean = sum / weight;
-                let whole = (square / weight - mean * mean).max(0.0);
-                let own = (of_square / weight - (of_angle / weight).powi(2)).max(0.0);
-                let both = product / weight - mean * of_angle / weight;
-                let explained = if own > TINY { both * both / own } else { 0.0 };
-                value += likelihood((whole - explained).max(0.0), independent * weight, STEER_NOISE);
+            if !waits {
+                state.log_likelihood[k] =
+                    hypothesis.log_prior + self.log_likelihood(state, k, of_rest.as_ref());
             }
-            if let Some(rest) = of_rest.as_ref().filter(|_| !waits) {
-                value += likelihood(rest.variance(&state.yaw.each[k]), independent * rest.weight, YAW_NOISE);
-            }
-            state.log_likelihood[k] = value;
+            let value = state.log_likelihood[k];
             if value > best {
                 (best, state.best) = (value, k);
             }
         }
         let (mut total, mut means, mut of_gap) = (0.0, [0.0; 4], [0.0; 2]);
-        for (hypothesis, log) in self.hypotheses.iter().zip(&state.log_likelihood) {
+        for (hypothesis, log) in self.hypotheses.each.iter().zip(&state.log_likelihood) {
             if log - best < IMPROBABLE {
                 continue;
             }
             let probability = (log - best).exp();
-            let lag = self.lags[hypothesis.lag].lag;
+            let lag = self.hypotheses.lags[hypothesis.lag].lag;
             let delay = hypothesis.dead_time + lag;
             total += probability;
-            if hypothesis.gap > 0.0 {
+            if hypothesis.gap != self.backlash {
                 of_gap = [of_gap[0] + probability, of_gap[1] + probability * hypothesis.gap];
             }
             for (mean, value) in means.iter_mut().zip([hypothesis.dead_time, lag, delay, delay * delay]) {
@@ -449,12 +349,12 @@ impl Bank {
         let [dead_time, time_constant, delay, square] = means.map(|mean| mean / total);
         let spread = (square - delay * delay).max(0.0).sqrt();
         // A vehicle that has none is not steered as if it had a small one.
-        let further = if of_gap[0] > 0.5 * total { of_gap[1] / of_gap[0] } else { 0.0 };
+        let backlash = if of_gap[0] > 0.5 * total { of_gap[1] / of_gap[0] } else { self.backlash };
         state.known = KnownActuator {
             actuator: Actuator { dead_time, time_constant, dead_time_model: DeadTimeModel::Exact },
             spread,
             shown: spread <= 0.5 * self.spread_before,
-            backlash: self.backlash + further,
+            backlash,
         };
     }
 }
@@ -469,60 +369,5 @@ impl BankState {
 
 /// Samples that weigh less teach nothing.
 const LEAST_SHARE: f64 = 1e-3;
-/// A variance that is none.
-const TINY: f64 = 1e-18;
 /// Yaw acceleration by steering of an ordinary vehicle, `Cf lf / Iz`, 1/s2: only how samples are weighted depends on it.
 const YAW_PER_ANGLE: f64 = 40.0;
-
-/// The regression of the yaw acceleration on all but the angle, by Cholesky factors of the ridged normal matrix.
-struct Rest {
-    weight: f64,
-    factor: [[f64; BESIDE]; BESIDE],
-    /// `L^-1` times the products with the yaw acceleration, and the remainder of its square.
-    of_accel: [f64; BESIDE],
-    left: f64,
-}
-
-impl Rest {
-    fn of(common: &[[f64; BESIDE + 1]; BESIDE + 1]) -> Option<Self> {
-        let weight = common[0][0];
-        if weight <= 0.0 {
-            return None;
-        }
-        let mut factor = [[0.0; BESIDE]; BESIDE];
-        for i in 0..BESIDE {
-            for j in 0..=i {
-                let inner: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
-                let value = common[i][j] - inner;
-                factor[i][j] = if i == j {
-                    // What does not move, as a car's articulation, drops out.
-                    (value + 1e-9 * common[i][i] + 1e-9 * weight).sqrt()
-                } else {
-                    value / factor[j][j]
-                };
-            }
-        }
-        let of_accel = lower(&factor, &common[BESIDE][..BESIDE]);
-        let left = common[BESIDE][BESIDE] - of_accel.iter().map(|x| x * x).sum::<f64>();
-        Some(Self { weight, factor, of_accel, left })
-    }
-
-    /// Mean squared residual with an angle among the regressors.
-    fn variance(&self, products: &[f64; BESIDE + 2]) -> f64 {
-        let of_angle = lower(&self.factor, &products[..BESIDE]);
-        let own = products[BESIDE + 1] - of_angle.iter().map(|x| x * x).sum::<f64>();
-        let both = products[BESIDE] - of_angle.iter().zip(&self.of_accel).map(|(a, b)| a * b).sum::<f64>();
-        let explained = if own > TINY * self.weight { both * both / own } else { 0.0 };
-        ((self.left - explained) / self.weight).max(0.0)
-    }
-}
-
-/// `L^-1 x`.
-fn lower(factor: &[[f64; BESIDE]; BESIDE], x: &[f64]) -> [f64; BESIDE] {
-    let mut solved = [0.0; BESIDE];
-    for i in 0..BESIDE {
-        let inner: f64 = (0..i).map(|k| factor[i][k] * solved[k]).sum();
-        solved[i] = (x[i] - inner) / factor[i][i];
-    }
-    solved
-}

@@ -173,7 +173,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             brake_decel: speed.brake_decel,
             speed: speed.limit,
             curvature_rate: steered(mpc.steer_rate_max / vehicle.wheelbase()),
-            curvature: mpc.steer_max.tan() / vehicle.wheelbase(),
+            turn: Some(parameters.tightest_turn()),
             lateral_jerk: steered(mpc.lateral_jerk_max),
             grip: speed.grip,
         };
@@ -261,6 +261,8 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let elapsed = self.state.time.map_or(sample_time, |before| time - before);
         // A clock that stands still or runs back says nothing.
         let elapsed = if elapsed > 0.0 && elapsed.is_finite() { elapsed } else { sample_time };
+        // Of a host's clock the last digits are rounding: in every host a sample time is the same.
+        let elapsed = if (elapsed / sample_time - 1.0).abs() < ROUNDING { sample_time } else { elapsed };
         let before = self.state.time.replace(time);
         if let Err(error) = self.step_after(measurement, elapsed) {
             self.state.time = before;
@@ -385,9 +387,6 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             *sensor = RateSensor::new(noise);
             return seen.yaw_rate;
         }
-        // Of a host's clock the last digits are rounding: in every host a sample time is the same.
-        let sample_time = self.parameters.mpc.sample_time;
-        let elapsed = if (elapsed / sample_time - 1.0).abs() < ROUNDING { sample_time } else { elapsed };
         sensor.correct((!bridged).then_some(seen.yaw), seen.yaw_rate, elapsed, noise)
     }
 

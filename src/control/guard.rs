@@ -22,9 +22,10 @@
 //! | signals contradict one another from the start on | the same, steered by what they say |
 //! | outside for `guard.bridge_time`, but a motion of its own, on the road or from standstill | the host has moved the vehicle: a new start |
 //! | bridged for longer than `guard.bridge_time` | braking along the road, steered by the estimate |
-//! | bridged for longer than `guard.stop_time` | the stop is completed; only a vehicle that the host moves starts anew |
+//! | bridged for longer than `guard.stop_time` | the stop is completed; only a vehicle that the host moves further than it can drive starts anew |
 //!
-//! A motion of its own: the poses follow from the velocities, and these change no faster than tyres allow. Signals that
+//! A motion of its own: the poses follow from the velocities, and these change no faster than tyres allow; the articulation alone
+//! is none. Signals that
 //! are all zero are no motion; a dead sensor looks like that. A vehicle in motion is not accepted anew beside its road
 //! either. Its position jumps, and steering back from there would leave the road. Bridging what contradicts needs some
 //! steps that agree; until then each measurement is a first one, for as long as a gap may last.
@@ -146,6 +147,9 @@ pub struct GuardState {
     /// Mean of the squared innovations in units of their variance.
     spread: Signals,
     candidate: Option<NewStart>,
+    /// The last pose that was a number, m, and the way that the vehicle can have driven since then, m.
+    place: Option<[f64; 2]>,
+    reach: f64,
     /// Way of the poses beyond that of the velocities, and that of the velocities, m, over the last while.
     ways: [f64; 2],
     /// Acceleration beyond the command, m/s2.
@@ -192,6 +196,8 @@ impl Default for GuardState {
             age: Signals::zeros(),
             spread: Signals::repeat(1.0),
             candidate: None,
+            place: None,
+            reach: 0.0,
             ways: [0.0; 2],
             drift: 0.0,
             stops: false,
@@ -265,8 +271,13 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         let scale = state.scale();
         let mut track = self.predict(&track, steer, [accel, state.drift], scale, elapsed);
         let moves = track.mean[3].abs() * elapsed > MOVES;
+        let carried = self.is_carried(state, &told, track.mean[3], elapsed);
 
-        let (believed, contradicts) = self.gate(state, &track, &told, stale, elapsed);
+        let (mut believed, contradicts) = self.gate(state, &track, &told, stale, elapsed);
+        if carried && state.stops {
+            // The longer nothing was heard the wider are the gates; where it cannot have driven it was put.
+            believed[POSE].fill(false);
+        }
         let all = believed.iter().all(|believed| *believed);
         if contradicts && finite && state.agreed < ESTABLISHED {
             // Nothing to bridge from as yet.
@@ -288,13 +299,20 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             // A vehicle that was put down and stands has the same bits at each step, too.
             let stands = (3..ARTICULATION).all(|i| told[i].abs() * elapsed <= MOVES);
             let lives = state.dead_pose.is_none() && !state.resting.has_dead();
-            let there = finite && (!stale.pose || stands) && lives;
+            // A host that moves a truck moves more than its trailer.
+            let elsewhere = !believed[..ARTICULATION].iter().all(|believed| *believed);
+            let there = finite && elsewhere && (!stale.pose || stands) && lives;
             state.candidate = self.candidate(state.candidate, &told, there, elapsed, scale, &state.spread);
-            let age = state.candidate.map_or(0.0, |candidate| candidate.age);
-            let goes_on = state.candidate.is_some() && age >= self.parameters.bridge_time - 0.5 * elapsed;
-            if goes_on && (!moves || on_road(measurement)) {
-                // A completed stop ends if the host has moved the vehicle, not if it is found to roll on.
-                state.stops &= moves;
+            if let Some(candidate) = &mut state.candidate {
+                candidate.carried |= carried;
+            }
+            let goes_on = |it: &NewStart| it.age >= self.parameters.bridge_time - 0.5 * elapsed;
+            if let Some(start) = state.candidate.filter(goes_on)
+                && (!moves || on_road(measurement))
+            {
+                // A completed stop ends if the host has moved the vehicle, not if it is found to roll on, or elsewhere
+                // than signals that contradict one another had it.
+                state.stops &= moves || !start.carried;
                 self.begin(state, &told);
                 return Ok(Judgement::Moved);
             }

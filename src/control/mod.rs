@@ -69,7 +69,7 @@ mod variant;
 mod vehicle;
 
 pub use active_set::ActiveSetSolver;
-pub use bank::{Bank, BankState, KnownActuator};
+pub use bank::{Bank, BankState, KnownActuator, WIDEST_GAP};
 pub use choice::{Choice, ChoiceError, ControlVariant, LearnedModel, LearnedModelFor, MODEL_EXTENSION};
 pub use clarabel_solver::{BuildError, ClarabelSolver};
 pub use condense::{Affine, HorizonModel, HorizonState, Propagation, condense};

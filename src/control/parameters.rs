@@ -8,7 +8,7 @@ use crate::enumeration;
 use crate::nominal::{Actuator, DeadTimeModel, LateralVehicle};
 use crate::parameter::{OutOfRange, Parameter, ParameterGroup};
 use crate::parameters;
-use crate::path::{CAR_GRIP, Path, USED_GRIP};
+use crate::path::{CAR_GRIP, Path, TightestTurn, USED_GRIP};
 use crate::residual::DataConfig;
 use crate::signal::GRAVITY;
 use crate::vehicle::{CarParameters, SingleTrack, Steering, range_of};
@@ -175,13 +175,20 @@ impl<G> ControllerParametersFor<G> {
         tables.into_iter().flatten().find(|parameter| parameter.name == name)
     }
 
-    /// Radius, m, of the tightest circle that the steering allows: `wheelbase / tan(mpc.steer_max)`, of the rear axle, without slip.
+    /// How tightly the vehicle turns, by the nominal model in steady cornering.
     #[must_use]
-    pub fn turning_radius<const S: usize>(&self) -> f64
+    pub fn tightest_turn<const S: usize>(&self) -> TightestTurn
     where
         G: ControlledParameters<S>,
     {
-        self.vehicle.nominal().wheelbase() / self.mpc.steer_max.tan()
+        const FAST: f64 = 10.0;
+        let vehicle = self.vehicle.nominal();
+        TightestTurn {
+            lock: self.mpc.steer_max,
+            wheelbase: vehicle.wheelbase(),
+            rear: -vehicle.steady_state(0.0)[2],
+            understeer: (vehicle.steady_steer(FAST) - vehicle.steady_steer(0.0)) / (FAST * FAST),
+        }
     }
 
     /// A warning, if a road bends more tightly than the vehicle can turn.
@@ -190,12 +197,14 @@ impl<G> ControllerParametersFor<G> {
     where
         G: ControlledParameters<S>,
     {
-        let circle = self.turning_radius::<S>();
-        let (station, radius, length) = road.tighter_than(circle)?;
-        Some(format!(
-            "the road has {radius:.2} m radius at station {station:.1} m, and {length:.1} m of it are tighter than the \
-             vehicle turns ({circle:.2} m: its wheelbase over tan of mpc.steer_max): it may leave the road there"
-        ))
+        let circle = self.tightest_turn::<S>().radius();
+        let tight = road.tighter_than(circle).map(|(station, radius, length)| {
+            format!(
+                "the road has {radius:.2} m radius at station {station:.1} m, and {length:.1} m of it are tighter than \
+                 the vehicle turns ({circle:.2} m at mpc.steer_max): it may leave the road there"
+            )
+        });
+        tight.or_else(|| self.vehicle.too_tight_behind(road))
     }
 
     /// A note where a road tells of speeds above `speed.limit`, such as those of a racing line.

@@ -14,8 +14,9 @@ use super::{ControllerFor, LongitudinalParameters, ObserverParameters};
 use crate::nominal::{ArticulatedState, ErrorState};
 use crate::parameter::{OutOfRange, ParameterGroup};
 use crate::parameters;
-use crate::path::TRUCK_GRIP;
+use crate::path::{Path, TRUCK_GRIP};
 use crate::vehicle::{Articulated, TruckParameters, range_of};
+use std::f64::consts::PI;
 
 /// States of a truck: its errors to the path, the articulation and its rate.
 pub const TRUCK_STATES: usize = 6;
@@ -108,6 +109,17 @@ impl ControlledParameters<TRUCK_STATES> for NominalTruck {
         vec![angle, rate]
     }
 
+    fn too_tight_behind(&self, road: &Path) -> Option<String> {
+        let (station, angle) = largest_articulation(&self.articulated(), road);
+        let most = self.articulation_max;
+        (angle > most).then(|| {
+            format!(
+                "the road's bend at station {station:.1} m turns the trailer {angle:.2} rad against the tractor, and \
+                 mpc.articulation_max is {most:.2} rad: the truck may leave the road there, or jack-knife"
+            )
+        })
+    }
+
     fn set_by_name(&mut self, name: &str, value: f64) -> Result<bool, OutOfRange> {
         parameters::set(self, name, value)
     }
@@ -115,6 +127,29 @@ impl ControlledParameters<TRUCK_STATES> for NominalTruck {
     fn check_all(&self) -> Result<(), OutOfRange> {
         ParameterGroup::check(self)
     }
+}
+
+/// Station, m, and magnitude, rad, of the largest articulation along a road at walking pace, without slip.
+///
+/// ```text
+/// phi' = kappa - (sin phi - d kappa cos phi) / l2      per metre of the tractor's way; hitch d behind its rear axle
+/// ```
+fn largest_articulation(truck: &Articulated, road: &Path) -> (f64, f64) {
+    const STEP: f64 = 0.1;
+    let Articulated { b1, c1, a2, b2, .. } = *truck;
+    let (behind, length) = (c1 - b1, a2 + b2);
+    let (mut articulation, mut largest) = (0.0_f64, (0.0, 0.0));
+    for i in 0..=(road.length() / STEP) as usize {
+        let station = i as f64 * STEP;
+        let curvature = road.curvature(station);
+        let (sin, cos) = articulation.sin_cos();
+        articulation += STEP * (curvature - (sin - behind * curvature * cos) / length);
+        articulation = articulation.clamp(-PI, PI);
+        if articulation.abs() > largest.1 {
+            largest = (station, articulation.abs());
+        }
+    }
+    largest
 }
 
 impl NominalTruck {

@@ -9,6 +9,7 @@ use super::step::Measurement;
 use super::variant::{BicycleModel, Variant};
 use crate::nominal::{ERRORS, ErrorState, LateralVehicle};
 use crate::parameter::{OutOfRange, ParameterGroup};
+use crate::path::Path;
 use crate::residual::{FileError, FileKind};
 use crate::vehicle::SingleTrack;
 use nalgebra::SVector;
@@ -75,6 +76,11 @@ pub trait ControlledParameters<const S: usize>: std::fmt::Debug + Copy + Partial
 
     /// The states behind the four errors to the path, `S - 4` of them.
     fn further_states(&self) -> Vec<FurtherState>;
+
+    /// A warning, if what the vehicle draws cannot follow it along a road; none for a vehicle that draws nothing.
+    fn too_tight_behind(&self, _road: &Path) -> Option<String> {
+        None
+    }
 
     /// Sets the parameter of a name; says whether there is one.
     ///

@@ -108,11 +108,17 @@ impl Posterior {
         let linear = ranking.linear.tempered(calibration.temper);
         let linears: Vec<Linearisation> =
             parallel::map(problem.threads(), fits.len(), |k| linear.with(&fits[k].of_free()));
-        // A linear step from a fit that the search could not follow: no replay has seen its gain.
+        // Linear steps from a fit that the search could not follow: no replay has seen their gain. To its own best, and to nothing.
         let unseen = parallel::map(problem.threads(), fits.len(), |k| {
-            let own = ranking.linear.with(&fits[k].of_free());
-            let step = converged(problem, &ranking.prior, &own, fits[k], &fits[k].free);
-            step.map_or(0.0, |step| calibration.temper * (fits[k].cost - step.cost).max(0.0))
+            let (own, fit) = (ranking.linear.with(&fits[k].of_free()), fits[k]);
+            let gain = |seen: f64, step: Option<Converged>| {
+                step.map(|step| calibration.temper * (seen - step.cost).max(0.0))
+            };
+            [
+                gain(fit.cost, converged(problem, &ranking.prior, &own, fit, &fit.free)).unwrap_or(0.0),
+                gain(ranking.none.cost, without_effect(problem, &ranking.prior, &own, fit))
+                    .unwrap_or(f64::INFINITY),
+            ]
         });
         let worlds = beliefs.trust.worlds();
         let mut reference = None;
@@ -124,10 +130,17 @@ impl Posterior {
                     converged(problem, &prior, &linears[k], fits[k], &fits[k].free)
                 });
                 let Some(none) = settled[0].as_ref() else { return Vec::new() };
-                let (cost, narrowing) = *reference.get_or_insert((none.cost + unseen[0], none.narrowing));
-                let hypothesis = |((fit, at), unseen): ((&&Fit, &Option<Converged>), &f64)| {
+                // Nothing is held against each hypothesis by the same slopes: its gain is no difference of two linearisations.
+                let nothing = parallel::map(problem.threads(), fits.len(), |k| {
+                    let there = without_effect(problem, &prior, &linears[k], fits[k]);
+                    there.map_or(f64::INFINITY, |there| there.cost + unseen[k][1])
+                });
+                let nothing = nothing.into_iter().fold(none.cost + unseen[0][0], f64::min);
+                let (cost, narrowing) = *reference.get_or_insert((nothing, none.narrowing));
+                let hypothesis = |((fit, at), unseen): ((&&Fit, &Option<Converged>), &[f64; 2])| {
                     let at = at.as_ref()?;
-                    let (evidence, narrowing) = (cost - at.cost - unseen, at.narrowing - narrowing);
+                    let left = if fit.free.is_empty() { nothing } else { at.cost + unseen[0] };
+                    let (evidence, narrowing) = (cost - left, at.narrowing - narrowing);
                     let odds: f64 =
                         fit.free.iter().map(|&i| beliefs.odds(problem.uncertain[i].id, calibration)).sum();
                     let probability = calibration.weight(evidence, narrowing, odds + world.odds);
@@ -240,6 +253,18 @@ fn converged<V: ReplayVehicle>(
     };
     let beyond: Vec<usize> = free.iter().copied().filter(is_beyond).collect();
     if beyond.is_empty() { Some(found) } else { by(prior.free_but(problem, free, &beyond)) }
+}
+
+/// No effect at its best under a prior, by the slopes at a fit; none where an effect of the fit has no tolerance.
+fn without_effect<V: ReplayVehicle>(
+    problem: &Problem<V>,
+    prior: &Prior,
+    linear: &Linearisation,
+    fit: &Fit,
+) -> Option<Converged> {
+    let precision = prior.free(problem, &[]);
+    let tolerated = fit.free.iter().all(|effect| precision.free.contains(effect));
+    tolerated.then(|| converged(problem, prior, linear, fit, &[])).flatten()
 }
 
 /// Inputs to the weighing of a world.

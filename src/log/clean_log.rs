@@ -16,12 +16,13 @@ pub(super) fn is_long_enough(length: f64) -> bool {
     length >= 0.999 * LEAST_LENGTH
 }
 
-/// Uncertainty of a column that is written in steps.
+/// Uncertainty of a column that is written in steps, or that has fewer samples than rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coarseness {
-    /// Standard deviation of a value in the column's unit: the step over the root of 12.
+    /// Standard deviation of a value in the column's unit: the step over the root of 12; of a line between two samples the noise
+    /// of both.
     pub deviation: f64,
-    /// Usual time for which an error stays, s: that for which the number rests.
+    /// Usual time for which an error stays, s: that for which the number rests, or from sample to sample.
     pub lasting: f64,
 }
 
@@ -38,7 +39,7 @@ pub struct CleanLog {
     pub commanded: bool,
     /// False for a row that was interpolated over a gap, is at standstill or must not be scored for another reason.
     pub valid: Vec<bool>,
-    /// Columns that are written more coarsely than the quantity moves.
+    /// Columns that are written more coarsely than the quantity moves, in value or in time.
     pub coarse: BTreeMap<&'static str, Coarseness>,
     /// Findings and repairs, the gravest first.
     pub findings: Vec<Finding>,

@@ -1,6 +1,7 @@
 //! A clean log in words: its excitation and its noise.
 
 use super::clean_log::CleanLog;
+use super::differences::noise;
 use super::finding::{Finding, FindingSeverity};
 use crate::numerics::statistics::quantile;
 
@@ -54,16 +55,15 @@ pub(super) fn describe(log: &mut CleanLog) {
 
 /// Noise of the motion signals, from third differences, which no vehicle's motion reaches; in words.
 fn noises(log: &CleanLog) -> Vec<String> {
-    let noise = |values: &[f64]| {
-        let differences = values.windows(4).map(|v| (v[3] - 3.0 * v[2] + 3.0 * v[1] - v[0]).abs()).collect();
-        // The median of a Gaussian's magnitude; the squares of 1, 3, 3, 1 sum to 20.
-        quantile(differences, 0.5).map(|middle| middle / 0.6745 / 20.0_f64.sqrt())
-    };
     ["vx", "vy", "yaw_rate", "ay", "steer"]
         .into_iter()
+        // On lines between samples nothing is to be seen of it.
+        .filter(|name| !log.coarse.contains_key(name))
         .filter_map(|name| {
             let signal = crate::signal::find(name)?;
-            let noise = noise(log.columns.get(name)?).filter(|noise| *noise > 0.0)?;
+            let values = log.columns.get(name)?;
+            let noise =
+                noise(values, std::slice::from_ref(&(0..values.len()))).filter(|noise| *noise > 0.0)?;
             Some(format!("{name} {noise:.1e} {}", signal.unit.symbol))
         })
         .collect()

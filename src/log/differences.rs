@@ -48,6 +48,11 @@ impl Correlation {
     }
 }
 
+/// Standard deviation of a column's noise, with what the motion adds to it where rows are far apart.
+pub(super) fn noise(values: &[f64], spans: &[Range<usize>]) -> Option<f64> {
+    Correlation::of(values, spans).map(|it| it.usual / OF_WHITE)
+}
+
 /// Standard deviation of a column's noise, if its differences are those of white noise.
 pub(super) fn own_noise(values: &[f64], spans: &[Range<usize>]) -> Option<f64> {
     let correlation = Correlation::of(values, spans)?;

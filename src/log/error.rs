@@ -89,7 +89,8 @@ fn listed(columns: &[&str]) -> String {
 /// A question after a column that is missing, by names of others.
 pub(super) fn perhaps(column: &str, near: &[String]) -> String {
     if near.is_empty() {
-        return String::new();
+        let without = "; without a clock, give the rows of a second: --rate HZ";
+        return if column == "time" { without.to_owned() } else { String::new() };
     }
     format!("; is it {}? Name it {column} [UNIT], as in vx [km/h]", near.join(" or "))
 }

@@ -236,6 +236,7 @@ impl DriveLog {
         if rows.zero.is_some() {
             log.notes.push("time: dates are read as seconds since the first one's whole second".into());
         }
+        log.read_times_of_day();
         Ok(log)
     }
 
@@ -259,7 +260,18 @@ impl DriveLog {
                 taken.iter_mut().for_each(|value| *value *= column.factor);
             }
         }
+        log.read_times_of_day();
         Ok(log)
+    }
+
+    /// A clock that writes the time of day as a number counts seconds.
+    fn read_times_of_day(&mut self) {
+        if let Some((_, column)) = self.columns.iter_mut().find(|(name, _)| *name == "time")
+            && let Some(seconds) = time::of_digits(column)
+        {
+            *column = seconds;
+            self.notes.push("time: times of day, HHMMSS, are read as seconds since midnight".into());
+        }
     }
 
     /// The signals that a table's columns are, by their names.
@@ -418,6 +430,29 @@ mod tests {
         }
         assert_eq!(log("Time,time,vx\n7,0,1\n").unwrap().column("time"), Some(&[0.0][..]));
         assert!(log("Time,TIME,vx\n7,0,1\n").unwrap_err().to_string().contains("'time' stands twice"));
+    }
+
+    #[test]
+    fn times_of_day_that_are_written_as_numbers_count_seconds() {
+        let read = |times: &[f64]| {
+            let rows: String = times.iter().map(|time| format!("{time:.2},1\n")).collect();
+            log(&format!("time,vx\n{rows}")).unwrap().column("time").unwrap().to_vec()
+        };
+        let clock = |seconds: f64| {
+            let whole = (seconds / 60.0).floor();
+            ((whole / 60.0).floor() % 24.0) * 1e4 + (whole % 60.0) * 100.0 + seconds - 60.0 * whole
+        };
+        // Over a full hour, and over midnight.
+        for start in [46_795.0, 86_395.0] {
+            let stamps: Vec<f64> = (0..200).map(|i| clock(start + 0.05 * f64::from(i))).collect();
+            let times = read(&stamps);
+            assert!(times.iter().zip(0..).all(|(time, i)| (time - start - 0.05 * f64::from(i)).abs() < 1e-6));
+        }
+        // Seconds, within a minute of the day, and steps of 50 ms.
+        for step in [0.05, 50.0] {
+            let stamps: Vec<f64> = (0..119).map(|i| step * f64::from(i)).collect();
+            assert!(read(&stamps).iter().zip(&stamps).all(|(time, stamp)| (time - stamp).abs() < 1e-9));
+        }
     }
 
     #[test]

@@ -115,6 +115,10 @@ impl LateralVehicle<6> for Articulated {
         ArticulatedState::from([0.0, 0.0, yaw_error, 0.0, articulation, 0.0])
     }
 
+    fn steady_steer(&self, speed: f64) -> f64 {
+        steady_cornering(self, speed).steer
+    }
+
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         let Self { mass1, mass2, yaw_inertia1, yaw_inertia2, a1, b1, c1, a2, b2, stiffness } = *self;
         vec![
@@ -131,10 +135,6 @@ impl LateralVehicle<6> for Articulated {
             ("cornering stiffness of axle 2", stiffness[1]),
             ("cornering stiffness of axle 3", stiffness[2]),
         ]
-    }
-
-    fn wheelbase(&self) -> f64 {
-        self.a1 + self.b1
     }
 }
 

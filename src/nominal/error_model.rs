@@ -60,11 +60,16 @@ pub trait LateralVehicle<const S: usize>:
     /// The state of steady cornering with no lateral error, for each 1/m of curvature.
     fn steady_state(&self, speed: f64) -> SVector<f64, S>;
 
+    /// Steering angle of steady cornering for each 1/m of curvature, rad m: the wheelbase, and understeer by the speed squared.
+    fn steady_steer(&self, speed: f64) -> f64;
+
     /// The parameters with their names, in the order of the vehicle's hash in files.
     fn parameters(&self) -> Vec<(&'static str, f64)>;
 
     /// Distance between the axles that steering turns the vehicle about, m.
-    fn wheelbase(&self) -> f64;
+    fn wheelbase(&self) -> f64 {
+        self.steady_steer(0.0)
+    }
 }
 
 /// `x' = A x + B u + D psi_des' + E psi_des''` at one speed.

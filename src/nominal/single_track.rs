@@ -59,6 +59,12 @@ impl LateralVehicle<4> for SingleTrack {
         Vector4::new(0.0, 0.0, steady_yaw_error(self, speed), 0.0)
     }
 
+    fn steady_steer(&self, speed: f64) -> f64 {
+        let Self { mass, lf, lr, cf, cr, .. } = *self;
+        let wheelbase = lf + lr;
+        wheelbase + mass / wheelbase * (lr / cf - lf / cr) * speed * speed
+    }
+
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         let Self { mass, yaw_inertia, lf, lr, cf, cr } = *self;
         vec![
@@ -69,10 +75,6 @@ impl LateralVehicle<4> for SingleTrack {
             ("front cornering stiffness", cf),
             ("rear cornering stiffness", cr),
         ]
-    }
-
-    fn wheelbase(&self) -> f64 {
-        self.lf + self.lr
     }
 }
 
@@ -96,9 +98,7 @@ mod tests {
     fn steady_cornering_is_an_equilibrium() {
         let (car, v, kappa) = (car(), 15.0, 0.01);
         let model = ContinuousErrorModel::new(&car, v).unwrap();
-        let wheelbase = car.lf + car.lr;
-        let understeer = car.mass / wheelbase * (car.lr / car.cf - car.lf / car.cr);
-        let steer = (wheelbase + understeer * v * v) * kappa;
+        let steer = car.steady_steer(v) * kappa;
         let x = Vector4::new(0.0, 0.0, steady_yaw_error(&car, v) * kappa, 0.0);
         let rate = model.a * x + model.b * steer + model.d * (v * kappa);
         assert!(rate.norm() < 1e-12, "{rate}");

@@ -8,6 +8,7 @@ use super::sample::{Sample, Smoothing};
 use super::smooth::{Goal, smooth};
 use super::spline::{Knot, QuinticSpline, Vector, distance};
 use super::wrap_angle;
+use crate::numerics::statistics::median;
 
 /// Largest disagreement of headings and curvatures with the points at which they still hold (rad).
 const DISAGREEMENT: f64 = 0.02;
@@ -159,6 +160,9 @@ fn curvature(knot: &Knot) -> f64 {
     (knot.d1[0] * knot.d2[1] - knot.d1[1] * knot.d2[0]) / speed.powi(3)
 }
 
+/// Median of the magnitude of a normal variable in standard deviations.
+const MEDIAN_OF_NORMAL: f64 = 0.6745;
+
 /// RMS curvature error of an interpolating curve in 1/m, if it looks like noise: large, and of alternating sign.
 fn wobble(curve: &QuinticSpline) -> Option<f64> {
     let seconds: Vec<f64> = curve
@@ -170,8 +174,10 @@ fn wobble(curve: &QuinticSpline) -> Option<f64> {
         return None;
     }
     let count = seconds.len() as f64;
-    // White noise has second differences of 6 times its variance, which change sign four times of five.
-    let error = (seconds.iter().map(|second| second * second).sum::<f64>() / count / 6.0).sqrt();
+    // White noise has second differences of 6 times its variance, which change sign four times of five. By the median: where
+    // a straight meets an arc, an exact road has a few large ones.
+    let error =
+        median(seconds.iter().map(|second| second.abs()).collect())? / (MEDIAN_OF_NORMAL * 6f64.sqrt());
     let changes = seconds.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count() as f64 / count;
     (error > 0.005 && changes > 0.65).then_some(error)
 }

@@ -82,7 +82,9 @@ pub use project::{Projection, Where};
 pub use random::RandomRoad;
 pub use sample::{Closure, PathOptions, RoadClass, Sample, Smoothing};
 pub use segment::{Course, Pose, Rough, Segment};
-pub use speed::{BRAKED_SHARE, CAR_GRIP, DRIVEN_SHARE, SpeedLimits, SpeedPlan, TRUCK_GRIP, USED_GRIP};
+pub use speed::{
+    BRAKED_SHARE, CAR_GRIP, DRIVEN_SHARE, SpeedLimits, SpeedPlan, TRUCK_GRIP, TightestTurn, USED_GRIP,
+};
 pub use write::{to_csv, write_csv};
 
 use crate::table::{self, TableError};

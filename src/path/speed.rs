@@ -4,6 +4,7 @@
 //!     v(s) <= min(limit of the road, limit of the user, sqrt(a_lat / |curvature|))
 //!     v |curvature'| <= curvature rate,   v^3 |curvature'| <= lateral jerk              (what steering can follow)
 //!     |curvature'| as driven: from lock to lock at most, over LOCK_TO_LOCK              (a kink is rounded)
+//!     atan(wheelbase kappa_rear) + understeer v^2 |curvature| <= STEERED_SHARE lock     (or WALKING_PACE)
 //!     -decel(v) <= v dv/ds <= accel(v),   both scaled by sqrt(1 - (v^2 curvature / a_lat)^2)   (friction ellipse)
 //! ```
 //!
@@ -39,6 +40,10 @@ pub const TRUCK_GRIP: f64 = 0.6 * GRAVITY;
 
 /// Way over which the steering goes from lock to lock where the points have a kink, m: none drives tighter than it can turn.
 const LOCK_TO_LOCK: f64 = 2.0;
+/// Share of the steering's lock that a bend may take: the rest is for errors.
+const STEERED_SHARE: f64 = 0.95;
+/// Speed in a bend that takes all of the lock and more, m/s.
+const WALKING_PACE: f64 = 1.4;
 /// Length over which the acceleration changes from one value to the next in m.
 const BLEND: f64 = 4.0;
 
@@ -57,8 +62,8 @@ pub struct SpeedLimits {
     pub speed: f64,
     /// Rate of the driven curvature in 1/(m s): about the steering's rate over the wheelbase; infinite for no limit.
     pub curvature_rate: f64,
-    /// Curvature at the steering's lock in 1/m; infinite for no limit.
-    pub curvature: f64,
+    /// How tightly the vehicle turns; `None` for no limit.
+    pub turn: Option<TightestTurn>,
     /// Lateral jerk in m/s3; infinite for no limit.
     pub lateral_jerk: f64,
     /// Largest part of the tyres' grip that a plan uses where the friction factor is 1, in m/s2.
@@ -76,10 +81,44 @@ impl Default for SpeedLimits {
             brake_decel: without,
             speed: 50.0,
             curvature_rate: without,
-            curvature: without,
+            turn: None,
             lateral_jerk: without,
             grip: CAR_GRIP,
         }
+    }
+}
+
+/// How tightly a vehicle turns: its steering's lock, and what of it understeer takes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TightestTurn {
+    /// Steering angle at the lock in rad.
+    pub lock: f64,
+    /// Distance between the axles in m.
+    pub wheelbase: f64,
+    /// Distance of the rear axle behind the point that follows the path in m.
+    pub rear: f64,
+    /// Understeer gradient: steering angle for each m/s2 of lateral acceleration in rad s2/m.
+    pub understeer: f64,
+}
+
+impl TightestTurn {
+    /// Radius in m of the circle at the lock, of the point that follows the path, without slip.
+    #[must_use]
+    pub fn radius(&self) -> f64 {
+        (self.wheelbase / self.lock.tan()).hypot(self.rear)
+    }
+
+    /// Largest squared speed in a bend in m2/s2.
+    fn largest_square(&self, curvature: f64) -> f64 {
+        let bend = curvature.abs();
+        if bend == 0.0 {
+            return f64::INFINITY;
+        }
+        // The rear axle's circle is the smaller one; none at all is as good as a tight one.
+        let at_rear = (1.0 / (bend * bend) - self.rear * self.rear).max(0.0).sqrt();
+        let left = STEERED_SHARE * self.lock - self.wheelbase.atan2(at_rear);
+        let least = WALKING_PACE * WALKING_PACE;
+        if left > 0.0 { (left / (self.understeer.max(0.0) * bend)).max(least) } else { least }
     }
 }
 
@@ -157,10 +196,11 @@ impl SpeedPlan {
                     limits.accel.min(DRIVEN_SHARE * grip - back).max(LEAST_SHARE * limits.accel.min(grip)),
                 ]);
                 let top = if road.is_nan() { limits.speed } else { limits.speed.min(road) };
-                let driven = 2.0 * limits.curvature / LOCK_TO_LOCK;
+                let driven = limits.turn.map_or(f64::INFINITY, |turn| 2.0 / (turn.radius() * LOCK_TO_LOCK));
                 let change = path.curvature_rate(i as f64 * step).abs().min(driven).max(1e-12);
                 let steered = (limits.curvature_rate / change).min((limits.lateral_jerk / change).cbrt());
-                (top * top).min(limit / curvature[i].abs().max(1e-9)).min(steered * steered)
+                let turned = limits.turn.map_or(f64::INFINITY, |turn| turn.largest_square(curvature[i]));
+                (top * top).min(limit / curvature[i].abs().max(1e-9)).min(steered * steered).min(turned)
             })
             .collect();
         if !path.periodic {

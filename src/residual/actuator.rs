@@ -70,7 +70,7 @@ impl ShownActuator {
             dead_time_spread: spread(&found.dead_time),
             lag_spread: spread(&found.lag),
         };
-        let backlash = found.backlash.filter(|width| width.excited).map_or(0.0, |width| width.value);
+        let backlash = found.shown_backlash().map_or(0.0, |width| width.value);
         let shown = Self { prior, spread: spread(&found.delay), backlash, by: ShownBy::Angle };
         (found.delay.excited && shown.is_shown()).then_some(shown)
     }

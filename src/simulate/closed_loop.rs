@@ -11,7 +11,7 @@ use super::outcome::{DriveError, End, Ending, LaneLimits, Outcome, Place, Refere
 use super::vehicle::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
 use crate::control::{ControlStatus, ControllerFor, Measurement, Sampler, TRUCK_STATES, Timing};
 use crate::nominal::{ERRORS, SteeringDrive};
-use crate::numerics::Random;
+use crate::numerics::{Random, Readable};
 use crate::path::RoadClass;
 use crate::residual;
 use crate::signal::{self, Signal};
@@ -419,7 +419,7 @@ impl<const C: usize> DriveFor<C> {
         let mut csv = csv::Writer::from_writer(writer);
         csv.write_record(self.columns.iter().map(|signal| signal.name).chain([STATUS]))?;
         for (row, status) in self.rows.iter().zip(&self.statuses) {
-            let numbers = row.iter().map(f64::to_string);
+            let numbers = row.iter().map(|value| Readable(*value).to_string());
             csv.write_record(numbers.chain([status.name().to_owned()]))?;
         }
         csv.flush()?;

@@ -136,6 +136,9 @@ impl Ending {
     #[must_use]
     pub fn reason(&self) -> String {
         let end = match &self.end {
+            End::Duration if self.driven < 0.0 => {
+                format!("the duration was over {:.0} m behind the beginning", -self.driven)
+            }
             End::Duration => {
                 format!("the duration was over after {:.0} of {:.0} m", self.driven, self.length)
             }

@@ -1,5 +1,10 @@
 //! Dates and times: those of ISO 8601, days with points (`01.05.2024`) or slashes (`2024/05/01`), times of day.
 
+use crate::numerics::statistics::median;
+
+/// Half a day, s: a clock of times of day that goes back by more is past midnight.
+const HALF_DAY: f64 = 43_200.0;
+
 /// Seconds since 1970, whole ones and the fraction, of `2024-05-01T12:00:00.02`, `20240501T120000.02`, or of
 /// `01.05.2024 12:00:00`. A blank for the `T`, `,` for the point, and `Z`, `UTC` or `+02:00` at the end are known, too.
 /// The time of day alone counts from midnight; `12:00:00:020` has thousandths, `1:05.25` is minutes and seconds. `None` for anything else: `05/01/2024` is May in one country and January
@@ -108,4 +113,48 @@ fn days(year: i64, month: i64, day: i64) -> i64 {
     let of_era = year - 400 * era;
     let of_year = (153 * (month + if month > 2 { -3 } else { 9 }) + 2) / 5 + day - 1;
     146_097 * era + 365 * of_era + of_era / 4 - of_era / 100 + of_year - 719_468
+}
+/// Seconds of times of day that are written as numbers, HHMMSS.ss, as VBOX and NMEA do; `None` for other numbers.
+///
+/// Within a minute both are the same. At a full minute such numbers jump by 40 more than the clock, at an hour by 4040.
+/// They are taken for times of day only if the clock goes on evenly then, and no field is above 60.
+#[must_use]
+pub fn of_digits(values: &[f64]) -> Option<Vec<f64>> {
+    let known = || values.iter().copied().filter(|value| value.is_finite());
+    let is_time = |value: f64| {
+        (0.0..240_000.0).contains(&value) && value % 100.0 <= 60.0 && (value / 100.0).floor() % 100.0 < 60.0
+    };
+    if !known().all(is_time) {
+        return None;
+    }
+    let on_clock = |value: f64| {
+        let minutes = (value / 100.0).floor();
+        ((minutes / 100.0).floor() * 60.0 + minutes % 100.0) * 60.0 + value % 100.0
+    };
+    let (mut within, mut turns) = (Vec::new(), Vec::new());
+    for (before, next) in known().zip(known().skip(1)) {
+        let step = on_clock(next) - on_clock(before);
+        // Past midnight.
+        let step = if step < -HALF_DAY { step + 2.0 * HALF_DAY } else { step };
+        if (before / 100.0).floor() != (next / 100.0).floor() {
+            turns.push(step);
+        } else if step > 0.0 {
+            within.push(step);
+        }
+    }
+    if !(0.5..3.0).contains(&(median(turns)? / median(within)?)) {
+        return None;
+    }
+    let (mut days, mut before) = (0.0, f64::NAN);
+    let seconds = |value: f64| {
+        let clock = on_clock(value);
+        if clock - before < -HALF_DAY {
+            days += 1.0;
+        }
+        if clock.is_finite() {
+            before = clock;
+        }
+        clock + days * 2.0 * HALF_DAY
+    };
+    Some(values.iter().copied().map(seconds).collect())
 }

@@ -47,6 +47,12 @@ impl SteeringChain {
             offset: steering.offset + effects.steer_offset,
         }
     }
+
+    /// Angle of the actuator at which the wheels stand straight, rad: a vehicle in motion is placed with it.
+    #[must_use]
+    pub fn straight(&self) -> f64 {
+        ((0.0 - self.offset) / self.gain).clamp(-self.angle_limit, self.angle_limit)
+    }
 }
 
 /// Largest number of changes of the command under way. Beyond it, the newest replaces the last.

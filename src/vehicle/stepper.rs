@@ -169,7 +169,7 @@ impl<const N: usize, const S: usize> State<N, S> {
         Self {
             time: 0.0,
             y: plant.placed(x, y, yaw, vx),
-            steering: SteeringState::at_rest(plant.steering(), 0.0),
+            steering: SteeringState::at_rest(plant.steering(), plant.steering().straight()),
             drive: 0.0,
             station: 0.0,
             sensors: Latency::new(plant.effects().sensor_delay),

@@ -75,12 +75,12 @@ impl LateralVehicle<6> for Swinging {
         Vector6::new(car[0], car[1], car[2], car[3], 0.0, 0.0)
     }
 
-    fn parameters(&self) -> Vec<(&'static str, f64)> {
-        vec![("stiffness", self.stiffness), ("damping", self.damping), ("pull", self.pull)]
+    fn steady_steer(&self, speed: f64) -> f64 {
+        CAR.steady_steer(speed)
     }
 
-    fn wheelbase(&self) -> f64 {
-        CAR.lf + CAR.lr
+    fn parameters(&self) -> Vec<(&'static str, f64)> {
+        vec![("stiffness", self.stiffness), ("damping", self.damping), ("pull", self.pull)]
     }
 }
 

@@ -3,7 +3,7 @@
 use super::super::output::{write_file, write_json};
 use super::super::require::{Check, CheckKind, Figures, write_junit};
 use super::{DriveArgs, DriveResult};
-use crate::control::{ControlVariant, KnownActuator};
+use crate::control::{ControlVariant, KnownActuator, WIDEST_GAP};
 use crate::path::RoadClass;
 use crate::simulate::{DriveFor, Outcome, Place, STATION, StepTimes, TIME, TrackingMetrics};
 use serde_json::{Value, json};
@@ -135,6 +135,8 @@ impl DriveReport {
                 "dead_time": found.actuator.dead_time,
                 "time_constant": found.actuator.time_constant,
                 "spread": found.spread,
+                "shown": found.shown,
+                "backlash": found.backlash,
             })),
             "tracking": self.figures.tracking,
             "classes": classes,
@@ -183,7 +185,8 @@ impl DriveReport {
                 say!("steering: the drive does not show its dead time and lag");
             }
             if backlash > 0.0 {
-                say!("steering's backlash as driven: {backlash:.4} rad");
+                let more = if backlash > WIDEST_GAP - 1e-6 { ", or more" } else { "" };
+                say!("steering's backlash as driven: {backlash:.4} rad{more}");
             }
         }
         for check in &self.checks[1..] {
@@ -210,11 +213,13 @@ fn next(outcome: Outcome, args: &DriveArgs) -> Option<String> {
     match outcome {
         Outcome::Completed => None,
         Outcome::TimedOut if args.duration.is_some() => None,
-        Outcome::TimedOut => Some("drive longer, with --duration S".to_owned()),
+        Outcome::TimedOut => Some(format!(
+            "drive longer, with --duration S, unless vx in {log}{written} says that it hardly moves"
+        )),
         Outcome::Stopped => Some(format!("look at the columns status and vx at the end of {log}{written}")),
         Outcome::Lost => Some(format!(
-            "look at e1, steer_cmd and status in {log}{written}; a steering that is slower than the controller knows: \
-             rfl identify {log}; slower in bends: --set speed.lateral_accel=A"
+            "look at e1, steer_cmd and status in {log}{written}; rfl identify {log} says whether the steering is as the \
+             controller takes it; slower in bends: --set speed.lateral_accel=A"
         )),
     }
 }

@@ -106,7 +106,19 @@ pub(super) fn write<P: Commanded<S, C>, const S: usize, const C: usize>(
     }
     replace::<P, S, C>(&target, &document.to_string()).map_err(|error| place(&error))?;
     let words: Vec<String> = changes.iter().map(|(key, value)| format!("{key} = {value}")).collect();
-    say!("{}: [steering] {}", file.display(), words.join(", "));
+    if words.is_empty() {
+        say!("{}: [steering] stays as it was", file.display());
+    } else {
+        say!("{}: [steering] {}", file.display(), words.join(", "));
+    }
+    if args.by_yaw_rate {
+        say!(
+            "gain and offset are not written: by yaw rate the tyres' stiffness and the sensor's bias are in them; \
+             --set actuator.gain={:.3} --set actuator.offset={:.4} tells them to a controller",
+            found.gain.value,
+            found.offset.value
+        );
+    }
     Ok(changes)
 }
 
@@ -120,7 +132,7 @@ fn changes<P: Commanded<S, C>, const S: usize, const C: usize>(
     let mut effect = |id: &str| P::effect(&mut effects, id).map(|value| *value);
     let round = |value: f64| (value * DIGITS).round() / DIGITS;
     let mut changes = BTreeMap::new();
-    let gap = found.backlash.filter(|width| width.excited);
+    let gap = found.shown_backlash();
     for (key, name, id, unit, estimate) in [
         ("dead_time", "steering.dead_time", "steer_delay", "s", found.dead_time),
         ("lag", "steering.lag", "steer_lag", "s", found.lag),

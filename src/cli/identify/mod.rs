@@ -251,7 +251,9 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
 /// Takes out what is in an angle's unknown unit; says what was found of it.
 fn leave_to_user(steering: &mut IdentifiedSteering) -> Option<Finding> {
     steering.offset.excited = false;
-    let width = steering.backlash.take().filter(|width| width.excited)?.value;
+    let width = steering.shown_backlash();
+    steering.backlash = None;
+    let width = width?.value;
     let words = format!(
         "the backlash of {width:.4} is in the angle's unit, and is left out: divided by the steering's ratio it is actuator.backlash"
     );

@@ -133,7 +133,7 @@ pub(super) fn next(found: &IdentifiedLog, args: &IdentifyArgs) {
     match &args.into {
         Some(file) => say!("next: rfl drive --vehicle {}", file.display()),
         None if steering.excited() => {
-            let gap = steering.backlash.filter(|width| width.excited);
+            let gap = steering.shown_backlash();
             let gap =
                 gap.map_or(String::new(), |width| format!(" --set actuator.backlash={:.4}", width.value));
             say!(

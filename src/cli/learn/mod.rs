@@ -233,19 +233,15 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
         &self,
         shown: Option<ShownActuator>,
     ) -> Result<ControllerParametersFor<P::Nominal>, Box<dyn Error>> {
-        let mut identified = self.controller;
         let mut values = vec![];
         if let Some(shown) = shown {
             let Actuator { dead_time, time_constant, .. } = shown.prior.actuator;
-            identified.actuator.dead_time = dead_time;
-            identified.actuator.time_constant = time_constant;
             values = vec![
                 ("actuator.dead_time".to_owned(), dead_time),
                 ("actuator.time_constant".to_owned(), time_constant),
             ];
             let mut gap = String::new();
             if shown.backlash > 0.0 {
-                identified.actuator.backlash = shown.backlash;
                 values.push(("actuator.backlash".to_owned(), shown.backlash));
                 gap = format!(", backlash {:.4} rad", shown.backlash);
             }
@@ -260,7 +256,10 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
             values,
         };
         let head = "The steering as rfl learn found it: what the controller begins with.";
-        write_file(&self.file("controller.toml"), |to| Ok(to.write_all(content.to_text(head).as_bytes())?))?;
+        let file = self.file("controller.toml");
+        write_file(&file, |to| Ok(to.write_all(content.to_text(head).as_bytes())?))?;
+        let mut identified = self.controller;
+        content.apply(&mut identified, &file)?;
         Ok(identified)
     }
 

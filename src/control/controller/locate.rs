@@ -26,7 +26,8 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             self.state.travelled >= length
         } else {
             let near = if self.state.finished { 2.0 * END_DISTANCE } else { END_DISTANCE };
-            at.station >= length - near
+            // Far beside the end nothing has been driven to it.
+            at.station >= length - near && at.e1.abs() <= FAR_E1
         };
         let (e1_rate, e2_rate) = at.error_rates(vx, vy, yaw_rate);
         StepReport {

@@ -5,8 +5,10 @@
 //! ```text
 //! |p - (p_0 + sum v dt)| <= GATE sqrt(2 R) + WAY_SHARE way,    |v - v_before| <= GATE sqrt(2 R) + 2 GRIP dt
 //! ```
+//!
+//! Some of them are a vehicle that the host has carried: its pose jumps further than it can have driven.
 
-use super::{ARTICULATION, GATE, GRIP, Guard, LARGEST_SPREAD, Signals};
+use super::{ARTICULATION, GATE, GRIP, Guard, GuardState, LARGEST_SPREAD, Signals};
 use crate::nominal::LateralVehicle;
 use crate::path::wrap_angle;
 use crate::signal;
@@ -14,6 +16,8 @@ use serde::{Deserialize, Serialize};
 
 /// Share of the way, and of the turn, by which a pose and the integrated velocities of a new start may differ.
 const WAY_SHARE: f64 = 0.02;
+/// Ratio of the way that a vehicle can have driven to what its estimate and its sensors say: both may be wrong.
+const REACH: f64 = 2.0;
 
 /// A motion that may be a new start.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -25,6 +29,8 @@ pub(super) struct NewStart {
     way: f64,
     turn: f64,
     pub age: f64,
+    /// True if the host has put the vehicle there.
+    pub carried: bool,
 }
 
 /// True if a vehicle can move like this at all.
@@ -36,6 +42,27 @@ fn is_possible(told: &Signals) -> bool {
 }
 
 impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
+    /// True if the host has put the vehicle further away than it can have driven since its last pose. `speed`: by the
+    /// filter, m/s.
+    pub(super) fn is_carried(
+        &self,
+        state: &mut GuardState,
+        told: &Signals,
+        speed: f64,
+        elapsed: f64,
+    ) -> bool {
+        let said = if told[3].is_finite() { told[3].abs() } else { 0.0 };
+        state.reach += REACH * speed.abs().max(said) * elapsed;
+        let place = [told[0], told[1]];
+        if !place.iter().all(|value| value.is_finite()) {
+            return false;
+        }
+        let spread = state.spread[0].clamp(1.0, LARGEST_SPREAD);
+        let reach = std::mem::take(&mut state.reach) + GATE * (2.0 * self.noise[0] * spread).sqrt();
+        let before = state.place.replace(place);
+        before.is_some_and(|[x, y]| (place[0] - x).hypot(place[1] - y) > reach)
+    }
+
     /// Continues the candidate of a new start with the motion in `told`, if it is one.
     pub(super) fn candidate(
         &self,
@@ -57,8 +84,9 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             way: 0.0,
             turn: 0.0,
             age: elapsed,
+            carried: false,
         };
-        let Some(NewStart { reckoned: [x, y, yaw], last, way, turn, age }) = before else {
+        let Some(NewStart { reckoned: [x, y, yaw], last, way, turn, age, carried }) = before else {
             return Some(first);
         };
         let between = |i: usize| 0.5 * (last[i] + told[i]);
@@ -76,7 +104,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         let smooth = (3..)
             .zip(changes)
             .all(|(i, change): (usize, f64)| (told[i] - last[i]).abs() <= noise(i) + change * elapsed);
-        let goes_on = NewStart { reckoned, last: *told, way, turn, age: age + elapsed };
+        let goes_on = NewStart { reckoned, last: *told, way, turn, age: age + elapsed, carried };
         Some(if follows && smooth { goes_on } else { first })
     }
 }

@@ -47,8 +47,7 @@ pub struct IdentifiedSteering {
     pub delay: Estimate,
     /// Steady response to a command of 1: measured angle over command, or yaw rate over the model's.
     pub gain: Estimate,
-    /// Angle without a command, rad, at the sensor; by yaw rate, the command that goes straight, with its sign
-    /// reversed.
+    /// Angle without a command, rad: at the sensor, or by yaw rate at the wheels. The command `-offset / gain` goes straight.
     pub offset: Estimate,
     /// Root of the mean squared error, in the response's unit.
     pub rmse: f64,
@@ -132,6 +131,12 @@ impl IdentifiedSteering {
         .into_iter()
         .find(|(_, [a, b], enough)| a.excited && b.excited && (a.low - b.high).max(b.low - a.high) > *enough)
         .map(|(name, both, _)| (name, both))
+    }
+
+    /// Full width of the gap, rad of the command, if the drives determine it.
+    #[must_use]
+    pub fn shown_backlash(&self) -> Option<Estimate> {
+        self.backlash.filter(|width| width.excited)
     }
 
     /// True if dead time and lag are determined, both of them.
@@ -239,8 +244,6 @@ impl BestPoint {
         if self.problem.response.free {
             // Responses were counted from their mean.
             offset = offset.map(|value| value + self.problem.rows.mean);
-        } else if best.beta[0] != 0.0 {
-            offset = offset.map(|value| value / best.beta[0].abs());
         }
         let whole = best.dead_time + best.lag;
         let time = |value: f64, ends: &Ends, of: fn(&Point) -> f64| {
