@@ -141,3 +141,28 @@ fn reversing_with_a_speed_without_sign_is_not_judged() {
         }
     }
 }
+
+#[test]
+fn a_spin_is_not_judged() {
+    let sound = columns(31, &[]);
+    let rows = sound["vx"].len();
+    // A spin of a second in the middle, then a column that is no velocity to the left at all.
+    for (share, left_out) in [(0.03, true), (0.9, false)] {
+        let mut log = sound.clone();
+        let spun = (share * rows as f64) as usize;
+        let from = (rows - spun) / 2;
+        for row in from..from + spun {
+            let angle = 0.8 * (std::f64::consts::PI * (row - from) as f64 / spun as f64).sin();
+            let (vx, speed) = (log["vx"][row], log["vx"][row].hypot(log["vy"][row]));
+            log.get_mut("vy").unwrap()[row] = speed * angle.sin() * vx.signum();
+            log.get_mut("vx").unwrap()[row] = vx * angle.cos();
+        }
+        let log = cleaned(log).unwrap();
+        let said = said(&log.findings, "vy", FindingSeverity::Warning);
+        assert_eq!(said.contains("spins or slides"), left_out, "{share}: {said}");
+        if left_out {
+            let valid = |row: usize| log.valid[row * log.valid.len() / rows];
+            assert!(!valid(from + spun / 2) && valid(from / 2) && valid(from + spun + 400), "{share}");
+        }
+    }
+}

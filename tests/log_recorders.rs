@@ -64,6 +64,10 @@ fn a_slow_sensor_is_laid_on_lines_or_left_out() {
             let apart = |row: usize| (log.columns[name][row] - sound.columns[name][row]).abs();
             let judged = (0..log.time.len()).filter(|row| log.valid[*row]);
             assert!(judged.map(apart).fold(0.0, f64::max) < most, "{name} every {every} rows");
+            // Lines have no noise from row to row, and yet are not exact.
+            let coarse = log.coarse[name];
+            assert!((coarse.lasting - log.step * every as f64).abs() < 0.2 * log.step, "{name}: {coarse:?}");
+            assert!(coarse.deviation > 1e-5, "{name}: {coarse:?}");
         }
     }
     // Places of once a second: a speed may be laid on lines so far, a place may not.

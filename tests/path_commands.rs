@@ -72,6 +72,26 @@ fn a_bend_that_no_car_can_drive_is_said() {
 }
 
 #[test]
+fn a_yard_that_a_trailer_cannot_follow_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    // A circle of 6 m radius: the tractor drives it, its trailer does not.
+    let circle = |i: i32| (f64::from(i) * 0.05, 6.0);
+    let points: String = (-40..0)
+        .map(|i| format!("{},0\n", f64::from(i) * 0.5))
+        .chain((0..240).map(circle).map(|(a, r)| format!("{},{}\n", r * a.sin(), r * (1.0 - a.cos()))))
+        .collect();
+    std::fs::write(folder.path().join("yard.csv"), format!("x,y\n{points}")).unwrap();
+    let path =
+        |vehicle: &str| done(&rfl(folder.path(), &["path", "yard.csv", "--open", "--vehicle", vehicle]));
+    let said = path("truck_simulation");
+    assert!(said.contains("turns the trailer") && said.contains("truck_simulation: "), "{said}");
+    let said = path("bmw_320i");
+    assert!(!said.contains("turns the trailer") && !said.contains("tighter"), "{said}");
+    let error = refused(&rfl(folder.path(), &["path", "yard.csv", "--vehicle", "bmw"]));
+    assert!(error.contains("bmw"), "{error}");
+}
+
+#[test]
 fn roads_have_a_limit_as_logs_have() {
     let folder = tempfile::tempdir().unwrap();
     let rows: String = (0..50_000).map(|i| format!("{i}.000000,{}.000000\n", i / 7)).collect();

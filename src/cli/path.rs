@@ -2,9 +2,10 @@
 
 use super::files::check_files;
 use super::logs::LimitArgs;
-use crate::control::{ControllerParameters, SpeedParameters};
+use super::vehicle::{Commanded, by_kind, vehicle_named};
+use crate::control::SpeedParameters;
 use crate::path::{Closure, Path, PathOptions, RoadClass, Smoothing, SpeedLimits, SpeedPlan, write_csv};
-use crate::vehicle::{BUILTIN, builtin};
+use crate::vehicle::BUILTIN;
 use clap::Args;
 use serde_json::{Value, json};
 use std::error::Error;
@@ -19,6 +20,7 @@ use std::path::PathBuf;
   rfl path gps_lap.csv --smooth 0.02     measured points with 2 cm of noise
   rfl path gps_lap.csv --write smooth.csv    the road that is driven, to look at and to drive
   rfl path road.csv --json | jq .least_radius
+  rfl path yard.csv --vehicle truck_simulation    whether a truck and its trailer can follow it
 
 A road is a CSV file with columns x and y (m) and, optional, yaw, curvature, speed, bank, grade, friction, class, s;
 or a file of the racetrack-database (x_m,y_m,w_tr_right_m,w_tr_left_m); or a racing line (s_m; x_m; y_m; ...; vx_mps).
@@ -42,6 +44,9 @@ pub struct PathArgs {
     /// File for the road that is driven: smooth, with heading and curvature (CSV)
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
+    /// Vehicle whose turning circle is compared with the bends: a vehicle file (TOML) or a built-in name
+    #[arg(long, value_name = "VEHICLE", default_value = BUILTIN[0])]
+    vehicle: String,
     /// Lateral acceleration of the speed plan in m/s2
     #[arg(long, value_name = "M_PER_S2", default_value_t = SpeedLimits::default().lateral_accel)]
     lateral_accel: f64,
@@ -100,8 +105,7 @@ pub fn run(args: &PathArgs) -> Result<(), Box<dyn Error>> {
     let limits =
         SpeedLimits { lateral_accel: args.lateral_accel, speed: args.speed, ..SpeedLimits::default() };
     let findings = look(&path, &limits);
-    let car = ControllerParameters::for_car(&builtin(BUILTIN[0])?);
-    let too_tight = car.too_tight(&path).map(|words| format!("{}: {words}", BUILTIN[0]));
+    let too_tight = by_kind!(&args.vehicle, too_tight(&args.vehicle, &path))?;
     let text = if args.json {
         findings.json(args, &path, too_tight.as_deref())
     } else {
@@ -112,6 +116,15 @@ pub fn run(args: &PathArgs) -> Result<(), Box<dyn Error>> {
     }
     std::io::stdout().write_all(text.as_bytes())?;
     Ok(())
+}
+
+/// A warning, if a road bends more tightly than the vehicle turns.
+fn too_tight<P: Commanded<S, C>, const S: usize, const C: usize>(
+    vehicle: &str,
+    path: &Path,
+) -> Result<Option<String>, Box<dyn Error>> {
+    let parameters = P::controller(&vehicle_named(vehicle)?);
+    Ok(parameters.too_tight::<S>(path).map(|words| format!("{vehicle}: {words}")))
 }
 
 fn look(path: &Path, limits: &SpeedLimits) -> Findings {

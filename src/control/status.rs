@@ -17,6 +17,6 @@ enumeration! {
         SafeStop = 9 "safe_stop", "Measurements were missing or implausible for too long: braking to a stop along the road";
         ResidualFaded = 10 "residual_faded", "The learned model predicts worse than the nominal one: it is faded out";
         Slowed = 11 "slowed", "The lateral error is large and grows: driving more slowly";
-        RolledBack = 12 "rolled_back", "The vehicle rolled back on a slope that its drive does not climb: the brakes hold it";
+        RolledBack = 12 "rolled_back", "The vehicle rolled back although it was to drive, as on a slope that is too steep for it: the brakes hold it";
     }
 }

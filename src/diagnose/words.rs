@@ -42,14 +42,16 @@ fn of_effect(effect: &NamedEffect) -> String {
     }
 }
 
-/// The yaw rate if the effect shows in it, else the signal whose gap it shrinks most.
+/// The yaw rate if the effect shows in it, else the signal of whose gap it takes most, in units of the noise. A gap that is no
+/// more than noise tells nothing.
 fn told(reduction: &GapReduction) -> Option<(&str, &Gap)> {
-    let share = |gap: &Gap| 1.0 - gap.effect / gap.before.max(1e-12);
-    let yaw = reduction.open_loop.get("yaw_rate").filter(|gap| share(gap) >= TELLING);
-    yaw.map(|gap| ("yaw_rate", gap)).or_else(|| {
-        let all = reduction.open_loop.iter().map(|(signal, gap)| (signal.as_str(), gap));
-        all.max_by(|a, b| share(a.1).total_cmp(&share(b.1)))
-    })
+    let gaps = reduction.open_loop.iter().map(|(signal, gap)| (signal.as_str(), gap));
+    let seen = gaps.filter(|(_, gap)| gap.before > gap.noise && gap.before > 0.0);
+    let share = |gap: &Gap| 1.0 - gap.effect / gap.before;
+    let taken =
+        |gap: &Gap| (gap.before.powi(2) - gap.effect.powi(2)) / gap.noise.powi(2).max(f64::MIN_POSITIVE);
+    let yaw = seen.clone().find(|(signal, gap)| *signal == "yaw_rate" && share(gap) >= TELLING);
+    yaw.or_else(|| seen.max_by(|a, b| taken(a.1).total_cmp(&taken(b.1))))
 }
 
 /// Sign that a cause is not in the library, apart from the remainder of the gap.
@@ -63,8 +65,14 @@ pub struct UnknownSign<'a> {
     pub swings: bool,
 }
 
-fn percent(now: f64, before: f64) -> f64 {
-    100.0 * (1.0 - now / before.max(1e-12))
+/// Change of a gap, as in `shrinks by 90 %`.
+fn change(now: f64, before: f64) -> String {
+    let share = 100.0 * (1.0 - now / before.max(1e-12));
+    if share < -0.5 {
+        format!("grows by {:.0} %", -share)
+    } else {
+        format!("shrinks by {:.0} %", share.max(0.0))
+    }
 }
 
 /// Effects that are named, in a few sentences.
@@ -78,11 +86,10 @@ pub fn effect(effects: &[NamedEffect], reduction: &GapReduction, probability: f6
         .collect();
     if let Some((signal, gap)) = told(reduction) {
         words += &format!(
-            " On parts of the log held out, the gap of {signal} shrinks by {:.0} % with {}, and by {:.0} % with all else \
-             adjusted within tolerance.",
-            percent(gap.effect, gap.before),
+            " On parts of the log held out, the gap of {signal} {} with {}; with all else adjusted within tolerance it {}.",
+            change(gap.effect, gap.before),
             if effects.len() > 1 { "them" } else { "it" },
-            percent(gap.recalibrated, gap.before)
+            change(gap.recalibrated, gap.before)
         );
     }
     if !others.is_empty() {

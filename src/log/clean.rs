@@ -26,6 +26,7 @@ use super::resample::{Interpolation, SHORT, between};
 use super::reversing;
 use super::rows::{LogColumns, LogRows, WrongRows, bridge, hold};
 use super::saturated;
+use super::spinning;
 use super::turning;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -231,6 +232,7 @@ impl Read {
         without_seams(&mut log, &seams);
         leave_out_standing(&mut log)?;
         reversing::leave_out(&mut log, steering);
+        spinning::leave_out(&mut log);
         let seams = with_seams(&mut log, &drives);
         agreement::mend_steering(&mut log, &mut factors, steering);
         agreement::leave_out_rests(&mut log, steering);

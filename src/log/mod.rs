@@ -33,6 +33,7 @@
 //! | `averaged.rs` | steering that a logging tool has smoothed |
 //! | `copied.rs` | an angle that is the command, written a second time |
 //! | `reversing.rs` | driving backwards with a speed without a sign |
+//! | `spinning.rs` | sliding far sideways |
 //! | `jumps.rs` | places where rows are missing, or another drive begins, without a word from the clock |
 //! | `kinematics.rs` | velocity across and acceleration along the body, told by other columns |
 //! | `late.rs` | columns that come later than others |
@@ -71,6 +72,7 @@ mod reversing;
 mod road;
 mod rows;
 mod saturated;
+mod spinning;
 mod steering;
 mod turning;
 mod units;

@@ -150,7 +150,7 @@ impl Ending {
             }
             End::Road => "the road was driven to its end".to_owned(),
             End::Standing { status } => {
-                let left = (self.length - self.driven).max(0.0).round();
+                let left = (self.length - self.driven.max(0.0)).max(0.0).round();
                 let why = match status {
                     // The steering's plan says nothing of the speed.
                     ControlStatus::Optimal | ControlStatus::ReducedAccuracy => {
