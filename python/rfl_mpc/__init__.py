@@ -467,10 +467,12 @@ class Controller:
         return self._controller.length
 
     @property
-    def actuator(self) -> dict[str, float] | None:
-        """Steering as the drive has shown it: ``dead_time`` and ``time_constant``, ``spread`` of their sum; s."""
+    def actuator(self) -> dict[str, float | bool] | None:
+        """Steering as the drive has shown it: ``dead_time``, ``time_constant``, ``spread`` of their sum, s; whether the
+        drive has ``shown`` them; ``backlash``, rad."""
         found = self._controller.actuator
-        return None if found is None else dict(zip(("dead_time", "time_constant", "spread"), found))
+        names = ("dead_time", "time_constant", "spread", "shown", "backlash")
+        return None if found is None else dict(zip(names, found))
 
 
 def _carried(kind: str, suffix: str) -> dict[str, Path]:

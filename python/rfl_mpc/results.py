@@ -80,8 +80,9 @@ class Drive(_Result):
         return self.report["tracking"]
 
     @property
-    def actuator(self) -> dict[str, float] | None:
-        """Steering as the drive has shown it: ``dead_time``, ``time_constant``, ``spread`` of their sum; s."""
+    def actuator(self) -> dict[str, float | bool] | None:
+        """Steering as the drive has shown it: ``dead_time``, ``time_constant``, ``spread`` of their sum, s; whether the
+        drive has ``shown`` them; ``backlash``, rad."""
         return self.report["actuator"]
 
     @property

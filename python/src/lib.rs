@@ -13,7 +13,7 @@ use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBytes, PyType};
 use rfl_mpc::cli::drive::Stepwise;
 use rfl_mpc::cli::{self, ReadsLogs};
-use rfl_mpc::control::{ControlStatus, Measurement, StepReport};
+use rfl_mpc::control::{ControlStatus, KnownActuator, Measurement, StepReport};
 use rfl_mpc::log::DriveLog;
 use std::error::Error;
 use std::ffi::OsString;
@@ -187,8 +187,9 @@ impl Controller {
     }
 
     #[getter]
-    fn actuator(&self) -> Option<[f64; 3]> {
-        self.with(|one| one.actuator())
+    fn actuator(&self) -> Option<(f64, f64, f64, bool, f64)> {
+        let KnownActuator { actuator, spread, shown, backlash } = self.with(|one| one.actuator())?;
+        Some((actuator.dead_time, actuator.time_constant, spread, shown, backlash))
     }
 }
 

@@ -22,8 +22,8 @@ pub trait Stepwise: Send {
     /// Length of the road, m.
     fn length(&self) -> f64;
 
-    /// Dead time and lag of the steering actuator, and the uncertainty of their sum, as the drive has shown them, s.
-    fn actuator(&self) -> Option<[f64; 3]>;
+    /// The steering actuator as the drive has shown it.
+    fn actuator(&self) -> Option<KnownActuator>;
 
     /// A controller of its own in the same state: its steps are those that this one would make.
     ///
@@ -62,9 +62,8 @@ where
         self.controller.path().length()
     }
 
-    fn actuator(&self) -> Option<[f64; 3]> {
-        let KnownActuator { actuator, spread, .. } = self.controller.known_actuator()?;
-        Some([actuator.dead_time, actuator.time_constant, spread])
+    fn actuator(&self) -> Option<KnownActuator> {
+        self.controller.known_actuator()
     }
 
     fn copied(&self) -> Result<Box<dyn Stepwise>, ControllerError> {
