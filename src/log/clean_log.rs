@@ -73,6 +73,18 @@ impl CleanLog {
         ((seconds / self.step).round() as usize).max(1)
     }
 
+    /// Takes rows out of the comparison where enough is left of it, and says so of a column: `what` they are, and `advice`.
+    pub(super) fn not_judged(&mut self, valid: Vec<bool>, column: &str, what: &str, advice: &str) {
+        let left = self.step * valid.iter().filter(|valid| **valid).count() as f64;
+        let (gravity, then) = if is_long_enough(left) {
+            self.valid = valid;
+            (FindingSeverity::Warning, "not judged there")
+        } else {
+            (FindingSeverity::Suspicion, "the rest of the drive is too short to be judged alone")
+        };
+        self.find(gravity, column, format!("{what}: {then}{advice}"));
+    }
+
     /// Notes a finding about a column.
     pub(super) fn find(&mut self, gravity: FindingSeverity, column: &str, words: String) {
         self.findings.push(Finding::new(gravity, Some(column), words));

@@ -9,8 +9,7 @@
 //! A vehicle stands before it turns about, so that each stretch between stands is driven one way. Where all of them are backwards,
 //! a column's sign is wrong, which [`super::agreement`] tells.
 
-use super::clean_log::{CleanLog, is_long_enough};
-use super::finding::FindingSeverity;
+use super::clean_log::CleanLog;
 use std::ops::Range;
 
 /// Shortest stretch that is looked at, and that of which the means are taken, s.
@@ -37,22 +36,13 @@ pub(super) fn leave_out(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) {
     let (true, Some(first)) = (is_forward, back.first()) else { return };
     let mut valid = log.valid.clone();
     back.iter().for_each(|rows| valid[(*rows).clone()].fill(false));
-    let is_enough = is_long_enough(log.step * valid.iter().filter(|valid| **valid).count() as f64);
-    let (gravity, then) = if is_enough {
-        (FindingSeverity::Warning, "not judged there")
-    } else {
-        (FindingSeverity::Suspicion, "the rest of the drive is too short to be judged alone")
-    };
-    let words = format!(
-        "the vehicle reverses for {:.1} s in all, first from {:.2} s to {:.2} s, and vx has no sign: {then}; give vx negative in reverse",
+    let what = format!(
+        "the vehicle reverses for {:.1} s in all, first from {:.2} s to {:.2} s, and vx has no sign",
         log.step * back.iter().map(|rows| rows.len()).sum::<usize>() as f64,
         log.time[first.start],
         log.time[first.end - 1]
     );
-    if is_enough {
-        log.valid = valid;
-    }
-    log.find(gravity, "vx", words);
+    log.not_judged(valid, "vx", &what, "; give vx negative in reverse");
 }
 
 /// Stretches between stands.

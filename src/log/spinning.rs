@@ -7,8 +7,7 @@
 //! Beyond the angle at which tyres grip most, the motion is unstable: two vehicles that differ by nothing that can be measured go
 //! different ways. No replay of the commands follows, and no cause is to be read from how it fails.
 
-use super::clean_log::{CleanLog, STANDING, is_long_enough};
-use super::finding::FindingSeverity;
+use super::clean_log::{CleanLog, STANDING};
 use std::ops::Range;
 
 /// Sideslip at the CG beyond which no tyre holds, rad: twice the slip angle at which most tyres grip most.
@@ -45,20 +44,11 @@ pub(super) fn leave_out(log: &mut CleanLog) {
         let around = rows.start.saturating_sub(before)..(rows.end + after).min(valid.len());
         valid[around].fill(false);
     }
-    let is_enough = is_long_enough(log.step * valid.iter().filter(|valid| **valid).count() as f64);
-    let (gravity, then) = if is_enough {
-        (FindingSeverity::Warning, "not judged there, for no replay follows")
-    } else {
-        (FindingSeverity::Suspicion, "the rest of the drive is too short to be judged alone")
-    };
-    let words = format!(
-        "the vehicle spins or slides for {:.1} s in all, first from {:.2} s to {:.2} s, with more than {SPINNING} rad of sideslip: {then}",
+    let what = format!(
+        "the vehicle spins or slides for {:.1} s in all, first from {:.2} s to {:.2} s, with more than {SPINNING} rad of sideslip",
         log.step * stretches.iter().map(Range::len).sum::<usize>() as f64,
         log.time[first.start],
         log.time[first.end - 1]
     );
-    if is_enough {
-        log.valid = valid;
-    }
-    log.find(gravity, "vy", words);
+    log.not_judged(valid, "vy", &what, "; no replay follows a spin");
 }

@@ -175,6 +175,7 @@ impl SpeedPlan {
         let curvature: Vec<f64> = (0..=count).map(|i| path.curvature(i as f64 * step)).collect();
         let mut lateral = Vec::with_capacity(count + 1);
         let mut along = Vec::with_capacity(count + 1);
+        let driven = limits.turn.map_or(f64::INFINITY, |turn| 2.0 / (turn.radius() * LOCK_TO_LOCK));
         let mut squares: Vec<f64> = (0..=count)
             .map(|i| {
                 let spot = path.locate(i as f64 * step);
@@ -196,7 +197,6 @@ impl SpeedPlan {
                     limits.accel.min(DRIVEN_SHARE * grip - back).max(LEAST_SHARE * limits.accel.min(grip)),
                 ]);
                 let top = if road.is_nan() { limits.speed } else { limits.speed.min(road) };
-                let driven = limits.turn.map_or(f64::INFINITY, |turn| 2.0 / (turn.radius() * LOCK_TO_LOCK));
                 let change = path.curvature_rate(i as f64 * step).abs().min(driven).max(1e-12);
                 let steered = (limits.curvature_rate / change).min((limits.lateral_jerk / change).cbrt());
                 let turned = limits.turn.map_or(f64::INFINITY, |turn| turn.largest_square(curvature[i]));

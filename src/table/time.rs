@@ -114,6 +114,7 @@ fn days(year: i64, month: i64, day: i64) -> i64 {
     let of_year = (153 * (month + if month > 2 { -3 } else { 9 }) + 2) / 5 + day - 1;
     146_097 * era + 365 * of_era + of_era / 4 - of_era / 100 + of_year - 719_468
 }
+
 /// Seconds of times of day that are written as numbers, HHMMSS.ss, as VBOX and NMEA do; `None` for other numbers.
 ///
 /// Within a minute both are the same. At a full minute such numbers jump by 40 more than the clock, at an hour by 4040.
