@@ -133,6 +133,7 @@ mod truck_linear;
 mod truck_nmpc;
 mod truck_nonlinear;
 mod truck_physics;
+mod truck_rollover;
 mod truck_standstill;
 mod tune_command;
 mod tyre_files;

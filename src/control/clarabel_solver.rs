@@ -221,11 +221,6 @@ impl ClarabelSolver {
 
         let mut linear = vec![0.0; layout.variables()];
         let mut rhs = vec![0.0; layout.rows()];
-        for column in 0..n_u {
-            let i = column % shape.inputs;
-            rhs[layout.bounds() + column] = shape.input_max[i];
-            rhs[layout.bounds() + n_u + column] = -shape.input_min[i];
-        }
         for k in 0..n_b {
             let (_, soft) = soft_of(k);
             linear[n_u + n_b + k] = soft.linear;
@@ -284,6 +279,8 @@ fn write_rhs(problem: &TrackingQp, rhs: &mut [f64]) {
         let before = if column < shape.inputs { problem.previous[i] } else { 0.0 };
         rhs[layout.rates() + column] = shape.rate_max[i] + before;
         rhs[layout.rates() + layout.inputs + column] = shape.rate_max[i] - before;
+        rhs[layout.bounds() + column] = shape.input_max[i];
+        rhs[layout.bounds() + layout.inputs + column] = -shape.input_min[i];
     }
 }
 

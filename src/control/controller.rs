@@ -121,6 +121,8 @@ const FAR_E2: f64 = 1.0;
 const APPROACH_TIME: f64 = 0.2;
 /// ... and at least this far away, m.
 const APPROACH_E1: f64 = 0.2;
+/// Share of the grip that turns a vehicle back to a path far away.
+const FAR_GRIP_SHARE: f64 = 0.4;
 /// The path's end counts as reached this far before it, m; twice as far before it no longer.
 const END_DISTANCE: f64 = 0.5;
 
@@ -341,7 +343,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         if report.status == ControlStatus::Optimal {
             report.steer_cmd += self.dither();
         }
-        report.steer_cmd = self.within_bounds(report.steer_cmd, previous, measurement.vx, far);
+        report.steer_cmd = self.within_bounds(report.steer_cmd, previous, measurement.vx);
         if self.parameters.mpc.dither > 0.0 && self.parameters.mpc.follow_road == 1 {
             self.state.dither = report.steer_cmd - planned;
         }
@@ -436,6 +438,8 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let memory = &self.state;
         let disturbance = memory.observer.disturbance(&self.noise);
         let known = memory.bank.as_ref().map(BankState::known);
+        // Far from its path a vehicle has time.
+        let back = if far { FAR_GRIP_SHARE * self.parameters.speed.grip } else { f64::INFINITY };
         self.lateral.step(&LateralInput {
             state: &aim,
             vy,
@@ -451,6 +455,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             time_limit,
             actuator: known.map(|known| known.actuator),
             tightness: known.map_or(self.told, |known| tightness(&known)),
+            lateral_accel: p.lateral_accel_max.min(back),
         })
     }
 

@@ -85,6 +85,8 @@ impl WideProblem {
         }
         shape.rate_weight.copy_from_slice(&narrow.shape.rate_weight);
         shape.rate_max.copy_from_slice(&narrow.shape.rate_max);
+        shape.input_min.copy_from_slice(&narrow.shape.input_min);
+        shape.input_max.copy_from_slice(&narrow.shape.input_max);
         problem.previous.copy_from_slice(&narrow.previous);
         problem.free_increments.copy_from_slice(&narrow.free_increments);
         // A term's effects may differ from step to step.

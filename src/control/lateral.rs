@@ -72,6 +72,17 @@ pub struct LateralInput<'a, const S: usize = ERRORS> {
     pub actuator: Option<Actuator>,
     /// Certainty of the prediction, 0 to 1: the loop becomes faster with it, `mpc.tightening`.
     pub tightness: f64,
+    /// Largest lateral acceleration that the steering may ask for beyond that of the road, m/s2.
+    pub lateral_accel: f64,
+}
+
+/// Steering that following the road asks for, and what a deviation from it does to the vehicle.
+#[derive(Debug, Clone, Copy)]
+struct RoadSteer {
+    /// Least and largest angle over the horizon, with what the disturbances ask for, rad.
+    range: [f64; 2],
+    /// Angle of a steady turn for each m/s2 of lateral acceleration, rad s2/m.
+    per_accel: f64,
 }
 
 /// Writes the reference of following the road into a problem, for a kind of vehicle.
@@ -82,20 +93,21 @@ trait FollowRoad<const S: usize>: Send {
         preview: &Preview,
         actuator: Option<&Actuator>,
         qp: &mut Qp,
-    ) -> Result<(), QpError>;
+    ) -> Result<RoadSteer, QpError>;
 }
 
 /// A vehicle on its road.
 struct Following<V, const S: usize> {
     vehicle: V,
     min_model_speed: f64,
+    sample_time: f64,
     reference: RoadReference<S>,
 }
 
 impl<V: ControlledVehicle<S>, const S: usize> Following<V, S> {
     fn new(vehicle: V, p: &MpcParameters) -> Self {
         let reference = RoadReference::new(p.horizon, p.sample_time);
-        Self { vehicle, min_model_speed: p.min_model_speed, reference }
+        Self { vehicle, min_model_speed: p.min_model_speed, sample_time: p.sample_time, reference }
     }
 }
 
@@ -106,7 +118,7 @@ impl<V: ControlledVehicle<S>, const S: usize> FollowRoad<S> for Following<V, S> 
         preview: &Preview,
         actuator: Option<&Actuator>,
         qp: &mut Qp,
-    ) -> Result<(), QpError> {
+    ) -> Result<RoadSteer, QpError> {
         let speed = input.ahead.speed;
         let model = self
             .vehicle
@@ -121,7 +133,12 @@ impl<V: ControlledVehicle<S>, const S: usize> FollowRoad<S> for Following<V, S> 
                 *value = transient[state];
             }
         }
-        Ok(())
+        let disturbed = model.steady_steer_against(&(input.disturbance / self.sample_time));
+        let [least, largest] = self.reference.steer_range();
+        Ok(RoadSteer {
+            range: [least + disturbed, largest + disturbed],
+            per_accel: self.vehicle.steady_steer(speed) / (speed * speed).max(LEAST_SPEED_SQUARED),
+        })
     }
 }
 
@@ -144,6 +161,8 @@ pub struct LateralMpc<const S: usize = ERRORS> {
 
 /// Speed at which the QP that scales the solver is linearised, m/s.
 const TYPICAL_SPEED: f64 = 10.0;
+/// Below this squared speed no steering rolls a vehicle over, m2/s2.
+const LEAST_SPEED_SQUARED: f64 = 1.0;
 /// Share of a learned residual from which on it is used.
 const HALF: f64 = 0.5;
 /// Largest reference of the yaw error, rad. Far from straight driving the linear steady state means nothing.
@@ -288,7 +307,15 @@ impl<const S: usize> LateralMpc<S> {
         }
         if let Some(road) = &mut self.road {
             let actuator = input.actuator.or(self.actuator);
-            road.write(input, &self.preview, actuator.as_ref(), &mut self.qp)?;
+            let asked = road.write(input, &self.preview, actuator.as_ref(), &mut self.qp)?;
+            // A learned model asks for steering that nothing here knows of.
+            let is_learned = self.variant.is_learned() && input.residual_share > 0.0;
+            let most = if is_learned { f64::INFINITY } else { input.lateral_accel };
+            self.bound(asked, most);
+        } else {
+            let speed = input.ahead.speed;
+            let per_accel = self.wheelbase / (speed * speed).max(LEAST_SPEED_SQUARED);
+            self.bound(RoadSteer { range: [0.0; 2], per_accel }, input.lateral_accel);
         }
         let Some(beside) = &mut self.beside else {
             return self.variant.plan(input, &self.preview, previous, &mut self.qp);
@@ -308,6 +335,21 @@ impl<const S: usize> LateralMpc<S> {
             self.variant.look(&whole, &self.preview, previous)?;
         }
         beside.plan(&whole, &self.preview, previous, &mut self.qp)
+    }
+
+    /// Writes the bounds of the steering: its limit, and the lateral acceleration that it may ask for beyond that of the
+    /// road. The steering in force may be beyond, and comes back.
+    ///
+    /// ```text
+    /// u_road,min - l a <= u_j <= u_road,max + l a        l = (L + K v^2) / v^2, K of understeer
+    /// ```
+    fn bound(&mut self, road: RoadSteer, lateral_accel: f64) {
+        let problem = &mut self.qp.problem;
+        let (previous, steps_back) = (problem.previous[0], 0.5 * problem.shape.rate_max[0]);
+        let (most, beyond) = (self.parameters.steer_max, road.per_accel * lateral_accel);
+        let [least, largest] = road.range.map(|steer| steer.clamp(-most, most));
+        problem.shape.input_min[0] = (least - beyond).min(previous + steps_back).max(-most);
+        problem.shape.input_max[0] = (largest + beyond).max(previous - steps_back).min(most);
     }
 
     /// Writes the weights and the bound of the rate at a speed, [tightened](MpcParameters::tightened).

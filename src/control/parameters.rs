@@ -50,6 +50,7 @@ parameters! {
         steer_max: f64 = 0.6, RADIAN in of_file("steering.angle_limit").0, of_file("steering.angle_limit").1; "mpc.steer_max", "Largest road-wheel angle that is commanded"
         steer_rate_max: f64 = 0.8, RADIAN_PER_SECOND in of_file("steering.rate_limit").0, 20.0; "mpc.steer_rate_max", "Largest rate of the road-wheel angle that is commanded"
         lateral_jerk_max: f64 = 15.0, METRE_PER_SECOND3 in 0.1, 1e6; "mpc.lateral_jerk_max", "Largest lateral jerk that the rate of the steering command asks for, v^2/L times that rate: the bound of the rate falls with the speed"
+        lateral_accel_max: f64 = 15.0, METRE_PER_SECOND2 in 0.5, 1e6; "mpc.lateral_accel_max", "Largest lateral acceleration that the steering asks for beyond that of the road: a truck's tyres hold more than rolls it over"
         e1_max: f64 = 0.5, METRE in 0.01, 100.0; "mpc.e1_max", "Soft bound of the lateral error"
         slack_quadratic: f64 = 100.0, ONE in 1e-6, 1e9; "mpc.slack_quadratic", "Weight of the squared excess over the soft bound, per m2"
         slack_linear: f64 = 1.0, ONE in 0.0, 1e9; "mpc.slack_linear", "Weight of the excess over the soft bound, per m"
@@ -324,6 +325,7 @@ impl MpcParameters {
             tightening: 1.0,
             follow_road: 0,
             lateral_jerk_max: 1e6,
+            lateral_accel_max: 1e6,
             steer_max: self.steer_max.min(0.6),
             ..self
         }

@@ -137,6 +137,14 @@ impl<const S: usize> RoadReference<S> {
         }
     }
 
+    /// Least and largest steering from now to the end of the horizon, rad.
+    pub fn steer_range(&self) -> [f64; 2] {
+        let ahead = &self.steer[self.before..];
+        ahead.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, largest], &steer| {
+            [least.min(steer), largest.max(steer)]
+        })
+    }
+
     /// Deviation of the states from steady cornering at the end of a step.
     pub fn transient(&self, step: usize) -> &SVector<f64, S> {
         &self.transient[step]

@@ -130,12 +130,11 @@ pub trait QpSolver: Send {
 }
 
 impl QpShape {
-    /// True if a solver for the other serves this one: weights and rates may differ from step to step, nothing else.
+    /// True if a solver for the other serves this one: weights and bounds of inputs may differ from step to step, nothing else.
     #[must_use]
     pub fn is_like(&self, other: &Self) -> bool {
-        (self.horizon, self.outputs, self.inputs) == (other.horizon, other.outputs, other.inputs)
-            && (&self.input_min, &self.input_max, &self.soft)
-                == (&other.input_min, &other.input_max, &other.soft)
+        (self.horizon, self.outputs, self.inputs, &self.soft)
+            == (other.horizon, other.outputs, other.inputs, &other.soft)
     }
 
     /// Weight of output `i` at step `j` of the horizon (0 is the first predicted step).

@@ -76,6 +76,9 @@ const ARTICULATION_SHARE: f64 = 0.5;
 const LARGEST_DISTURBANCE: f64 = 3.0;
 /// Share of the angle at which trailer and cab touch that the soft bound leaves.
 const SAFE_SHARE: f64 = 2.0 / 3.0;
+/// Lateral acceleration of steering that returns a truck to its road, m/s2. A loaded semi-trailer rolls over at 0.35 g (Winkler and
+/// Ervin, Rollover of Heavy Commercial Vehicles, UMTRI-99-19), and a transient raises the trailer's part of it.
+const TRUCK_LATERAL_ACCEL: f64 = 3.0;
 
 impl ControlledParameters<TRUCK_STATES> for NominalTruck {
     type Vehicle = Articulated;
@@ -217,6 +220,7 @@ impl TruckControllerParameters {
             r_lateral_jerk: 0.027,
             steer_max: truck.steering.angle_limit,
             steer_rate_max: truck.steering.rate_limit.min(0.6),
+            lateral_accel_max: TRUCK_LATERAL_ACCEL,
             ..MpcParameters::default()
         };
         let speed = SpeedParameters {

@@ -101,6 +101,18 @@ impl<const S: usize> ContinuousErrorModel<S> {
         vehicle.model_at(v)
     }
 
+    /// Steering that holds the vehicle straight against accelerations of its rates `d`, rad: `0 = A x + B u + d` with `e1 = 0`.
+    /// Zero where none does.
+    #[must_use]
+    pub fn steady_steer_against(&self, accelerations: &SVector<f64, S>) -> f64 {
+        // e1 has no effect: the steering takes its column. Every second state is the rate of the one before it.
+        let mut of_unknowns = self.a;
+        of_unknowns.set_column(0, &self.b);
+        let of_rates = SVector::from_fn(|i, _| if i % 2 == 1 { -accelerations[i] } else { 0.0 });
+        let steady = of_unknowns.try_inverse().map(|inverse| inverse * of_rates);
+        steady.map(|unknowns| unknowns[0]).filter(|steer| steer.is_finite()).unwrap_or(0.0)
+    }
+
     /// Exact discretisation over `sample_time` seconds with inputs held.
     #[must_use]
     pub fn discretise(&self, sample_time: f64) -> DiscreteErrorModel<S> {

@@ -14,9 +14,6 @@ const DITHER_HOLD: u64 = 2;
 const TAKE_UP_TIME: f64 = 0.1;
 const BACKLASH_SHARE: f64 = 0.25;
 
-/// Share of the grip that turns a vehicle back to a path far away.
-const FAR_GRIP_SHARE: f64 = 0.4;
-
 impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     /// The steering command: of the new plan, or else of the last one, or else held.
     pub(super) fn command_steering(
@@ -54,15 +51,12 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     }
 
     /// A steering command within its bounds. The plan respects them to the solver's tolerance, the command does exactly; and
-    /// no measurement moves it faster than the lateral acceleration may change. Far from its path a vehicle has time: it turns
-    /// back by a part of its grip, or it would roll over at speed.
-    pub(super) fn within_bounds(&self, steer: f64, previous: f64, speed: f64, far: bool) -> f64 {
+    /// no measurement moves it faster than the lateral acceleration may change.
+    pub(super) fn within_bounds(&self, steer: f64, previous: f64, speed: f64) -> f64 {
         let p = &self.parameters.mpc;
         let wheelbase = self.parameters.vehicle.nominal().wheelbase();
         let rate = p.steer_rate_at(speed, wheelbase) * p.sample_time;
-        let most = FAR_GRIP_SHARE * self.parameters.speed.grip * wheelbase / (speed * speed);
-        let most = if far && most < p.steer_max { most } else { p.steer_max };
-        steer.clamp(-most, most).clamp(previous - rate, previous + rate).clamp(-p.steer_max, p.steer_max)
+        steer.clamp(previous - rate, previous + rate).clamp(-p.steer_max, p.steer_max)
     }
 
     /// The command for an angle at the wheels, before the linkage's known gain and offset, within its bounds.

@@ -218,6 +218,7 @@ impl<const S: usize> Asked<S> {
                 time_limit: f64::INFINITY,
                 actuator: None,
                 tightness: 0.0,
+                lateral_accel: f64::INFINITY,
             };
             self.lateral.step(&input).map_err(|error| MarginError::NoPlan { speed, error })?;
             plan.clear();

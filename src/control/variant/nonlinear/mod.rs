@@ -387,6 +387,7 @@ mod tests {
             time_limit: f64::INFINITY,
             actuator: None,
             tightness: 0.0,
+            lateral_accel: f64::INFINITY,
         };
         let mut mpc = BicycleModel::default().variant(p.vehicle.single_track(), &p.mpc).unwrap();
         let report = mpc.plan(&input, &preview, 0.2, &mut qp);
