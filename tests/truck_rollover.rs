@@ -1,11 +1,13 @@
 //! A truck rolls over long before its tyres slide: the steering asks for no more lateral acceleration than that leaves.
 
 use nalgebra::SVector;
-use rfl_mpc::control::{TRUCK_STATES, TruckController, TruckControllerParameters};
+use rfl_mpc::control::{
+    Controller, ControllerParameters, Measurement, TRUCK_STATES, TruckController, TruckControllerParameters,
+};
 use rfl_mpc::nominal::{ContinuousErrorModel, LateralVehicle};
 use rfl_mpc::path::{Closure, Path, Sample};
 use rfl_mpc::simulate::{Outcome, TruckClosedLoop, TruckDrive};
-use rfl_mpc::vehicle::{BUILTIN_TRUCKS, SingleTrack, TruckEffects, builtin_truck};
+use rfl_mpc::vehicle::{BUILTIN_TRUCKS, SingleTrack, TruckEffects, builtin, builtin_truck};
 use std::sync::Arc;
 
 /// Drives a straight road with a heading that is off at its start, at 25 m/s, even where it leaves the lane.
@@ -88,5 +90,24 @@ fn a_steady_steer_holds_a_vehicle_straight() {
     for speed in [3.0, 12.0, 30.0] {
         holds(&car.model_at(speed).unwrap());
         holds::<TRUCK_STATES>(&builtin_truck("truck_real").unwrap().articulated().model_at(speed).unwrap());
+    }
+}
+
+#[test]
+fn a_model_beyond_its_critical_speed_has_bounds() {
+    let car = builtin("c_class").unwrap();
+    let samples = (0..=160).map(|k| Sample::at(5.0 * f64::from(k), 0.0)).collect();
+    let road = Arc::new(Path::from_samples(samples, Closure::Open).unwrap());
+    let mut parameters = ControllerParameters::for_car(&car);
+    // So soft behind that steering to the left turns it to the right, at 30 m/s.
+    parameters.vehicle.rear_stiffness = 30e3;
+    parameters.mpc.lateral_accel_max = 1.0;
+    let mut controller = Controller::new(parameters, road).unwrap();
+    for y in [0.0, 0.3, -1.0, 3.0] {
+        let measured = Measurement { x: 10.0 + y, y, vx: 30.0, ..Measurement::default() };
+        let steer = controller.step(&measured).unwrap().steer_cmd;
+        let shape = &controller.problem().shape;
+        assert!(shape.input_min[0] < shape.input_max[0], "{:?}", shape.input_min);
+        assert!(steer.is_finite() && steer.abs() < 0.1, "{steer}");
     }
 }

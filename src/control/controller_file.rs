@@ -124,6 +124,15 @@ impl ControllerFile {
         text
     }
 
+    /// What is to be said where the file is for a vehicle of another name than `vehicle`.
+    #[must_use]
+    pub fn for_another(&self, vehicle: &str) -> Option<String> {
+        let own = self.vehicle.trim();
+        (!own.is_empty() && own != vehicle.trim()).then(|| {
+            format!("it is for '{own}', and this vehicle is '{vehicle}': its numbers may not suit; `rfl tune` makes one for this vehicle")
+        })
+    }
+
     /// Applies the numbers to a controller; `file` is their source.
     ///
     /// # Errors

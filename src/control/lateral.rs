@@ -135,9 +135,11 @@ impl<V: ControlledVehicle<S>, const S: usize> FollowRoad<S> for Following<V, S> 
         }
         let disturbed = model.steady_steer_against(&(input.disturbance / self.sample_time));
         let [least, largest] = self.reference.steer_range();
+        // A vehicle that oversteers needs less than its wheelbase asks for, and none at its critical speed.
+        let steady = self.vehicle.steady_steer(speed).max(self.vehicle.wheelbase());
         Ok(RoadSteer {
             range: [least + disturbed, largest + disturbed],
-            per_accel: self.vehicle.steady_steer(speed) / (speed * speed).max(LEAST_SPEED_SQUARED),
+            per_accel: steady / (speed * speed).max(LEAST_SPEED_SQUARED),
         })
     }
 }
@@ -345,11 +347,11 @@ impl<const S: usize> LateralMpc<S> {
     /// ```
     fn bound(&mut self, road: RoadSteer, lateral_accel: f64) {
         let problem = &mut self.qp.problem;
-        let (previous, steps_back) = (problem.previous[0], 0.5 * problem.shape.rate_max[0]);
+        let (previous, back) = (problem.previous[0], 0.5 * problem.shape.rate_max[0]);
         let (most, beyond) = (self.parameters.steer_max, road.per_accel * lateral_accel);
         let [least, largest] = road.range.map(|steer| steer.clamp(-most, most));
-        problem.shape.input_min[0] = (least - beyond).min(previous + steps_back).max(-most);
-        problem.shape.input_max[0] = (largest + beyond).max(previous - steps_back).min(most);
+        problem.shape.input_min[0] = (least - beyond).min(previous + back).max(-most);
+        problem.shape.input_max[0] = (largest + beyond).max(previous - back).min(most);
     }
 
     /// Writes the weights and the bound of the rate at a speed, [tightened](MpcParameters::tightened).

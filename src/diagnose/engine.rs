@@ -201,7 +201,7 @@ pub fn diagnose<V: ReplayVehicle>(
         &ranking,
         vehicle,
         (&findings, straight),
-        &summary.hypotheses,
+        (&posterior, &summary.hypotheses),
         next.as_ref(),
     );
     let report = Report {

@@ -1,6 +1,9 @@
 //! A verdict in one line.
 
-use super::report::{NamedEffect, Verdict, VerdictKind};
+use super::report::{NamedEffect, ReportedHypothesis, Verdict, VerdictKind};
+
+/// Number of possible causes in the line.
+const SHOWN: usize = 3;
 
 impl VerdictKind {
     /// As `report.json` writes it.
@@ -23,10 +26,27 @@ impl Verdict {
             VerdictKind::Effect => self.effects.iter().map(value).collect::<Vec<_>>().join(" and "),
             VerdictKind::None => "nothing worth naming separates the log from the simulator".into(),
             VerdictKind::NotInLibrary => "something separates them that is no effect of the library".into(),
-            VerdictKind::CannotTell => "this log does not tell".into(),
+            VerdictKind::CannotTell => return self.undecided(),
         };
         format!("{}: {what}, probability {:.2}", self.kind.name(), self.probability)
     }
+
+    /// The likeliest causes, for none of them is the verdict.
+    fn undecided(&self) -> String {
+        let list: Vec<String> = self.short_list.iter().take(SHOWN).map(possible).collect();
+        let may_be = if list.is_empty() { String::new() } else { format!(": perhaps {}", list.join(", ")) };
+        format!("{}: this log does not tell{may_be}", self.kind.name())
+    }
+}
+
+/// A possible cause with its probability.
+fn possible(it: &ReportedHypothesis) -> String {
+    let what = match (&it.not_in_library, it.effects.is_empty()) {
+        (Some(_), _) => "a cause outside the library".to_owned(),
+        (None, true) => "nothing".to_owned(),
+        (None, false) => it.effects.join(" with "),
+    };
+    format!("{what} {:.2}", it.probability)
 }
 
 /// A unit in its form after a number.
@@ -52,6 +72,33 @@ pub(super) fn value(effect: &NamedEffect) -> String {
 mod tests {
     use super::*;
     use crate::vehicle::Stage;
+
+    #[test]
+    fn a_log_that_does_not_tell_has_possible_causes_and_no_probability() {
+        let cause = |effects: &[&str], probability| ReportedHypothesis {
+            effects: effects.iter().map(|&it| it.to_owned()).collect(),
+            not_in_library: None,
+            terms: Vec::new(),
+            probability,
+        };
+        let mut verdict = Verdict {
+            kind: VerdictKind::CannotTell,
+            probability: 0.48,
+            effects: Vec::new(),
+            nearest: Vec::new(),
+            short_list: vec![cause(&[], 0.48), cause(&["cg_shift", "payload"], 0.31)],
+            varying: None,
+            strained: None,
+            summary: String::new(),
+        };
+        let line = verdict.headline();
+        assert_eq!(
+            line,
+            "cannot_tell: this log does not tell: perhaps nothing 0.48, cg_shift with payload 0.31"
+        );
+        verdict.short_list.clear();
+        assert_eq!(verdict.headline(), "cannot_tell: this log does not tell");
+    }
 
     #[test]
     fn values_have_as_many_digits_as_they_are_sure() {

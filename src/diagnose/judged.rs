@@ -99,7 +99,7 @@ impl Judged {
         ranking: &Ranking,
         vehicle: &V,
         (findings, straight): (&[Finding], bool),
-        hypotheses: &[ReportedHypothesis],
+        (posterior, hypotheses): (&Posterior, &[ReportedHypothesis]),
         next: Option<&Manoeuvre>,
     ) -> Verdict {
         let Self { decision, winner, covariance, gap_reduction, .. } = self;
@@ -135,7 +135,10 @@ impl Judged {
             _ => None,
         };
         let short_list: Vec<ReportedHypothesis> = match decision.kind {
-            VerdictKind::CannotTell => hypotheses.iter().take(SHORT_LIST).cloned().collect(),
+            // Before it is cleared up what a suspicious log shows, nothing in it is a cause.
+            VerdictKind::CannotTell if !is_suspicious(findings) => {
+                hypotheses.iter().take(SHORT_LIST).cloned().collect()
+            }
             _ => Vec::new(),
         };
         let swings = unknown == Some(Unknown::Swings);
@@ -146,7 +149,9 @@ impl Judged {
                 words::cannot_tell(findings, straight, &short_list, &effects, &self.predictive, advice)
             }
             VerdictKind::Effect => words::effect(&effects, gap_reduction, decision.probability),
-            VerdictKind::None => words::none(gap_reduction),
+            VerdictKind::None => {
+                words::none(gap_reduction, posterior.factor(), &self.recalibration(problem, vehicle))
+            }
             VerdictKind::NotInLibrary => words::not_in_library(&effects, why, gap_reduction),
         };
         let (effects, nearest) = match decision.kind {
@@ -157,6 +162,10 @@ impl Judged {
         let (kind, probability) = (decision.kind, decision.probability);
         Verdict { kind, probability, effects, nearest, short_list, varying, strained, summary: words }
     }
+}
+
+fn is_suspicious(findings: &[Finding]) -> bool {
+    findings.iter().any(|finding| finding.gravity == FindingSeverity::Suspicion)
 }
 
 /// Decides from a posterior, after a test on parts of the log that a fit has not seen.
@@ -171,17 +180,16 @@ pub(super) fn judge<V: ReplayVehicle>(
     let winner = ranking.find(&lead.effects).unwrap_or(&ranking.none).clone();
     let local = ranking.linear_at(problem, &winner);
     let (gap_reduction, predictive) = gap_reduction(problem, ranking, &winner, &local.slopes);
+    let precision = ranking.prior.free(problem, &winner.free);
+    let covariance = local.covariance(&precision);
     let mut decision = decide(lead, predictive.names());
-    let suspicion = findings.iter().any(|finding| finding.gravity == FindingSeverity::Suspicion);
     // A pair explains no less than the better of its two: here more than the odds against both.
     let odds = 2.0 * Calibration::built_in().telling();
     let by_one = ranking.singles.first().filter(|best| ranking.none.cost - best.cost > odds);
     let more_than_one = decision.kind == VerdictKind::None && !ranking.with_pairs && by_one.is_some();
-    if straight && decision.kind != VerdictKind::None || suspicion || more_than_one {
+    if straight && decision.kind != VerdictKind::None || is_suspicious(findings) || more_than_one {
         decision.kind = VerdictKind::CannotTell;
     }
-    let precision = ranking.prior.free(problem, &winner.free);
-    let covariance = local.covariance(&precision);
     // What is calibrated beside the effects has to hold on what its fit has not seen.
     let simulator = if predictive.recalibration_gains() {
         recalibrated(problem, &ranking.prior, &local, &winner.free, &winner.x)

@@ -5,7 +5,7 @@ use super::beliefs::World;
 use super::calibration::Calibration;
 use super::constancy::Cause;
 use super::dominance::dominance;
-use super::estimate::{Wind, estimate, half_width, wind_of};
+use super::estimate::{Wind, estimate, interval, wind_of};
 use super::fit::Fit;
 use super::observability::{collinearity, information};
 use super::posterior::{Posterior, Unknown};
@@ -36,9 +36,9 @@ pub(super) fn named<V: ReplayVehicle>(
         let Some(effect) = it.effect else { continue };
         let wind = wind_of(problem, winner, i);
         let (x, deviation) = estimate(problem, winner, covariance, i);
-        let half = half_width(wider, deviation);
         let within = |value: f64| value.clamp(effect.range.0.min(it.value(it.named_least)), effect.range.1);
-        let (a, b) = (it.value(x - half), it.value(x + half));
+        let nothing = if wind.is_some() { 0.0 } else { ranking.prior.mean[i] };
+        let [a, b] = interval(x, wider * deviation, nothing).map(|x| it.value(x));
         let total = within(it.value(x));
         // What has changed since the reference; neutral without one.
         let known = it.value(ranking.prior.mean[i]);

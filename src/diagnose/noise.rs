@@ -11,7 +11,7 @@ use super::problem::{Problem, rms};
 use super::profile::{ORDINARY, Roughness, SampleWeights};
 use super::replay::{Channel, LEAK, ReplayVehicle, Trace};
 use crate::log::Coarseness;
-use crate::numerics::statistics::upper_median;
+use crate::numerics::statistics::{MEDIAN_OF_NORMAL, upper_median};
 use std::sync::Arc;
 
 /// Errors of the model's form that every simulator has, as a share of the signal.
@@ -63,7 +63,8 @@ impl Noise {
                 .filter(|&i| drive.scored[i - 1] && drive.scored[i] && drive.scored[i + 1])
                 .map(|i| (gap(i - 1) - 2.0 * gap(i) + gap(i + 1)).abs())
                 .collect();
-            let sample = (upper_median(&mut bends) / (0.6745 * 6.0_f64.sqrt())).max(channel.least_noise());
+            let sample =
+                (upper_median(&mut bends) / (MEDIAN_OF_NORMAL * 6.0_f64.sqrt())).max(channel.least_noise());
             let of = |name: &str| rms_of(drive.column(name), &drive.scored);
             // What leaks gathers the form's error of its rate for a while; a place that of the heading, half a milliradian.
             let form = match channel {

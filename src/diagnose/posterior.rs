@@ -164,6 +164,13 @@ impl Posterior {
         Self { worlds: worlds.collect(), ..Self::normalised(merged(all.into_iter().flatten())) }
     }
 
+    /// The most probable scale of the tolerances.
+    #[must_use]
+    pub fn factor(&self) -> f64 {
+        let likeliest = self.worlds.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        likeliest.map_or(1.0, |(world, _)| world.factor)
+    }
+
     /// Probability that there is no effect.
     #[must_use]
     pub fn none(&self) -> f64 {

@@ -12,6 +12,11 @@ use super::report::{
 const TELLING: f64 = 0.2;
 /// Least probability of a hypothesis that is mentioned.
 const LISTED: f64 = 0.02;
+/// Scale of the tolerances from which on they are no ordinary ones; tolerances from which on a number is far off; number of
+/// those that are listed.
+const WIDE: f64 = 2.0;
+const FAR: f64 = 3.0;
+const LISTED_NUMBERS: usize = 4;
 /// Cosine from which on two effects are hardly told apart.
 const ALIKE: f64 = 0.9;
 
@@ -98,12 +103,20 @@ pub fn effect(effects: &[NamedEffect], reduction: &GapReduction, probability: f6
     words
 }
 
-/// Sentence for a log without an effect.
+/// Sentences for a log without an effect; `factor` is the scale of the tolerances that the log speaks for, `adjusted` the
+/// numbers within them.
 #[must_use]
-pub fn none(reduction: &GapReduction) -> String {
-    let mut words =
+pub fn none(reduction: &GapReduction, factor: f64, adjusted: &[Adjustment]) -> String {
+    let mut words = if factor < WIDE {
         "Nothing worth naming: the gap is within what ordinary tolerances of the simulator explain."
-            .to_owned();
+            .to_owned()
+    } else {
+        format!(
+            "No single cause: many numbers of the vehicle are off, as if of another vehicle, and together they explain the gap. It takes \
+             tolerances {factor:.1} times as wide as ordinary ones.{}",
+            farthest(adjusted)
+        )
+    };
     if let Some(gap) = reduction.open_loop.get("yaw_rate") {
         let adjusted = if gap.recalibrated < gap.before {
             format!("{} rad/s after adjusting within tolerance", short(gap.recalibrated))
@@ -114,6 +127,22 @@ pub fn none(reduction: &GapReduction) -> String {
         words += &format!(" The yaw-rate gap is {before} rad/s, {adjusted}; noise is {noise} rad/s.");
     }
     words
+}
+
+/// Numbers that are many tolerances off, those first that the log knows best.
+fn farthest(adjusted: &[Adjustment]) -> String {
+    let off = |it: &Adjustment| (it.value - it.given).abs();
+    let mut far: Vec<&Adjustment> = adjusted.iter().filter(|it| off(it) > FAR * it.tolerance).collect();
+    far.sort_by(|a, b| (off(b) * a.deviation).total_cmp(&(off(a) * b.deviation)));
+    let of = |it: &&Adjustment| {
+        let (unit, tolerances) = (behind(&it.unit), off(it) / it.tolerance);
+        format!("{} = {}{unit} ({tolerances:.0} tolerances)", it.parameter, short(it.value))
+    };
+    let far: Vec<String> = far.iter().take(LISTED_NUMBERS).map(of).collect();
+    if far.is_empty() {
+        return String::new();
+    }
+    format!(" Farthest off, the surest first: {}.", far.join(", "))
 }
 
 /// Sentence for a cause outside the library; `nearest` are the nearest effects.
@@ -259,5 +288,30 @@ pub fn why(evidence: f64, telling: f64, probability: f64, pinned: bool, winner: 
     match probability {
         p if p >= LISTED => format!("probability {p:.2}"),
         _ => "others explain more, or as much with fewer effects".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn adjusted(parameter: &str, value: f64, tolerance: f64, deviation: f64) -> Adjustment {
+        let (parameter, unit) = (parameter.to_owned(), "s".to_owned());
+        Adjustment { parameter, given: 0.0, value, tolerance, deviation, unit }
+    }
+
+    #[test]
+    fn ordinary_tolerances_are_called_so_and_wide_ones_are_not() {
+        let numbers = [
+            adjusted("a.little", 0.02, 0.01, 0.0001),
+            adjusted("far.and.unsure", 0.09, 0.01, 0.02),
+            adjusted("far.and.sure", 0.048, 0.01, 0.0002),
+        ];
+        let ordinary = none(&GapReduction::default(), 1.0, &numbers);
+        assert!(ordinary.contains("ordinary tolerances of the simulator explain"), "{ordinary}");
+        let wide = none(&GapReduction::default(), 4.0, &numbers);
+        let surest_first = "far.and.sure = 0.048 s (5 tolerances), far.and.unsure = 0.090 s (9 tolerances)";
+        assert!(wide.contains("4.0 times") && wide.contains(surest_first), "{wide}");
+        assert!(!wide.contains("a.little") && !wide.contains("ordinary tolerances of the"), "{wide}");
     }
 }

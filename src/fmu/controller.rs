@@ -24,6 +24,7 @@ use crate::control::{
 use crate::finite::check_finite;
 use crate::fmi::{Context, Declaration, Log, Model, ModelError, Severity, Values};
 use crate::path::Path;
+use crate::vehicle::VehicleParameters as _;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -122,14 +123,17 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         log: &mut dyn Log,
     ) -> Result<(), ModelError> {
         let v = &self.variables;
-        let file: U::File = vehicle_named(values.string(v.vehicle_file), context)?;
-        let mut parameters = U::of_file(&file);
+        let vehicle: U::File = vehicle_named(values.string(v.vehicle_file), context)?;
+        let mut parameters = U::of_file(&vehicle);
         let mut variant_of_file = None;
         let name = values.string(v.controller_file);
         if !name.is_empty() {
             let file = context.locate(name);
             let content = ControllerFile::read(&file).map_err(failed)?;
             content.apply(&mut parameters, &file).map_err(failed)?;
+            if let Some(note) = content.for_another(vehicle.name()) {
+                log.log(Severity::Info, "control", &format!("controller file {}: {note}", file.display()));
+            }
             variant_of_file = content.variant;
         }
         let mut groups = U::groups(&mut parameters);

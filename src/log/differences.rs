@@ -1,6 +1,6 @@
 //! Noise of a column by its third differences: no motion reaches these.
 
-use crate::numerics::statistics::median;
+use crate::numerics::statistics::{MEDIAN_OF_NORMAL, median};
 use std::ops::Range;
 
 /// Differences beyond so many usual ones count as so many: a glitch is none of the noise.
@@ -26,7 +26,7 @@ impl Correlation {
         let mut differences: Vec<Vec<f64>> =
             spans.iter().map(|span| values[span.clone()].windows(4).map(third).collect()).collect();
         let sizes = differences.iter().flatten().map(|it| it.abs()).filter(|it| it.is_finite()).collect();
-        let usual = median(sizes)? / 0.6745;
+        let usual = median(sizes)? / MEDIAN_OF_NORMAL;
         let most = FAR * usual;
         for it in differences.iter_mut().flatten() {
             *it = if it.is_finite() { it.clamp(-most, most) } else { 0.0 };

@@ -45,6 +45,9 @@ pub(crate) fn slope(pairs: impl Iterator<Item = (f64, f64)>) -> Option<Slope> {
     (explained >= 0.5 && xx > 0.0).then_some(Slope { factor: xy / xx, explained })
 }
 
+/// Median of the magnitude of a normal variable, in standard deviations.
+pub(crate) const MEDIAN_OF_NORMAL: f64 = 0.6745;
+
 #[cfg(test)]
 mod tests {
     use super::*;

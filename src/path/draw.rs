@@ -8,7 +8,7 @@ use super::sample::{Sample, Smoothing};
 use super::smooth::{Goal, smooth};
 use super::spline::{Knot, QuinticSpline, Vector, distance};
 use super::wrap_angle;
-use crate::numerics::statistics::median;
+use crate::numerics::statistics::{MEDIAN_OF_NORMAL, median};
 
 /// Largest disagreement of headings and curvatures with the points at which they still hold (rad).
 const DISAGREEMENT: f64 = 0.02;
@@ -159,9 +159,6 @@ fn curvature(knot: &Knot) -> f64 {
     let speed = knot.d1[0].hypot(knot.d1[1]).max(1e-9);
     (knot.d1[0] * knot.d2[1] - knot.d1[1] * knot.d2[0]) / speed.powi(3)
 }
-
-/// Median of the magnitude of a normal variable in standard deviations.
-const MEDIAN_OF_NORMAL: f64 = 0.6745;
 
 /// RMS curvature error of an interpolating curve in 1/m, if it looks like noise: large, and of alternating sign.
 fn wobble(curve: &QuinticSpline) -> Option<f64> {

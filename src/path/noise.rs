@@ -17,7 +17,7 @@
 //! such remainders, is exact.
 
 use super::spline::{Vector, distance};
-use crate::numerics::statistics::upper_median;
+use crate::numerics::statistics::{MEDIAN_OF_NORMAL, upper_median};
 
 /// Noise of points.
 #[derive(Debug, Clone, PartialEq)]
@@ -151,10 +151,9 @@ impl Residuals {
         if sizes.len() < POINTS / 2 {
             return None;
         }
-        // Of a normal distribution, half lie within 0.6745 standard deviations, and those within 3 have an RMS of
-        // 0.9866: a better estimate than the median, as blind to corners.
+        // Of a normal distribution, those within 3 standard deviations have an RMS of 0.9866: a better estimate than the median, as blind to corners.
         sizes.sort_by(f64::total_cmp);
-        let bound = 3.0 * upper_median(&mut sizes) / 0.6745;
+        let bound = 3.0 * upper_median(&mut sizes) / MEDIAN_OF_NORMAL;
         let within = &sizes[..sizes.partition_point(|size| *size <= bound)];
         Some(
             (within.iter().map(|size| size * size).sum::<f64>() / within.len().max(1) as f64).sqrt() / 0.9866,

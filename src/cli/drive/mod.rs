@@ -30,6 +30,7 @@ use crate::control::{ControlVariant, ControllerFile, ControllerFor, PredictionMo
 use crate::path::{PathOptions, Smoothing};
 use crate::simulate::{LaneLimits, STATION};
 use crate::vehicle::BUILTIN;
+use crate::vehicle::VehicleParameters as _;
 use clap::Args;
 use report::DriveReport;
 use sample_time::{keep_up_with, warn_of_long_steps};
@@ -263,6 +264,9 @@ fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
     if let Some(file) = &args.controller {
         let read = ControllerFile::read(file)?;
         read.apply::<P::Nominal, S>(&mut setup.controller, file)?;
+        if let Some(note) = read.for_another(setup.vehicle.name()) {
+            warn!("note: controller file {}: {note}", file.display());
+        }
         model.prefer(read.variant);
     }
     let sample_time = setup.controller.mpc.sample_time;

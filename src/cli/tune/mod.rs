@@ -160,9 +160,11 @@ where
         return Err("no candidate was driven to its end; give --budget more".into());
     };
     let held_out = tuning.ensemble(args.held_out, Purpose::HeldOut, args.seed)?;
-    let examined = [&default, &best.values].map(|values| held_out.examine(values));
-    let [default_held_out, best_held_out] = examined;
-    let (default_held_out, best_held_out) = (default_held_out?, best_held_out?);
+    let bar = progress_bar("proving on other roads", 2.0, args.quiet);
+    let default_held_out = held_out.examine(&default)?;
+    bar.step();
+    let best_held_out = held_out.examine(&best.values)?;
+    bar.finish_and_clear();
     let better = best.values != default
         && best_held_out.cost < default_held_out.cost
         && best_held_out.lost() <= default_held_out.lost();
@@ -238,13 +240,16 @@ where
     fn best<'c>(&self, found: &'c [TuneCandidate]) -> Result<Option<&'c TuneCandidate>, Box<dyn Error>> {
         let args = self.args;
         let validation = self.ensemble(args.scenarios, Purpose::Training, args.seed + VALIDATION)?;
+        let bar = progress_bar("comparing the best", found.len().min(SHORTLIST) as f64, args.quiet);
         let mut best: Option<(f64, &TuneCandidate)> = None;
         for candidate in found.iter().take(SHORTLIST) {
             let cost = validation.examine(&candidate.values)?.cost;
+            bar.step();
             if best.is_none_or(|(least, _)| cost < least) {
                 best = Some((cost, candidate));
             }
         }
+        bar.finish_and_clear();
         Ok(best.map(|(_, best)| best))
     }
 }

@@ -45,7 +45,9 @@ pub(super) fn verdict(report: &Report) -> String {
     let mut tile = |name: &str, text: String| {
         html += &format!("<div><span>{}</span><b>{}</b></div>", escaped(name), escaped(&text))
     };
-    tile("probability", percent(verdict.probability));
+    if verdict.kind != VerdictKind::CannotTell {
+        tile("probability", percent(verdict.probability));
+    }
     for effect in &verdict.effects {
         let unit = if effect.unit == "1" { "" } else { &effect.unit };
         tile(
