@@ -245,6 +245,7 @@ fn without_answer(words: String, options: &Options) -> Report {
             probability: 1.0,
             effects: Vec::new(),
             nearest: Vec::new(),
+            tolerance_factor: None,
             short_list: Vec::new(),
             varying: None,
             strained: None,

@@ -24,7 +24,14 @@ impl Verdict {
     pub fn headline(&self) -> String {
         let what = match self.kind {
             VerdictKind::Effect => self.effects.iter().map(value).collect::<Vec<_>>().join(" and "),
-            VerdictKind::None => "nothing worth naming separates the log from the simulator".into(),
+            VerdictKind::None => match self.tolerance_factor {
+                None => "nothing worth naming separates the log from the simulator".into(),
+                Some(factor) => {
+                    format!(
+                        "no effect, but the vehicle's numbers are off as by tolerances {factor:.1} times as wide as ordinary ones"
+                    )
+                }
+            },
             VerdictKind::NotInLibrary => "something separates them that is no effect of the library".into(),
             VerdictKind::CannotTell => return self.undecided(),
         };
@@ -86,6 +93,7 @@ mod tests {
             probability: 0.48,
             effects: Vec::new(),
             nearest: Vec::new(),
+            tolerance_factor: None,
             short_list: vec![cause(&[], 0.48), cause(&["cg_shift", "payload"], 0.31)],
             varying: None,
             strained: None,
@@ -96,6 +104,10 @@ mod tests {
             line,
             "cannot_tell: this log does not tell: perhaps nothing 0.48, cg_shift with payload 0.31"
         );
+        (verdict.kind, verdict.tolerance_factor) = (VerdictKind::None, Some(4.0));
+        let line = verdict.headline();
+        assert!(line.starts_with("none: no effect, but") && line.contains(" 4.0 times"), "{line}");
+        (verdict.kind, verdict.tolerance_factor) = (VerdictKind::CannotTell, None);
         verdict.short_list.clear();
         assert_eq!(verdict.headline(), "cannot_tell: this log does not tell");
     }

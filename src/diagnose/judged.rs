@@ -141,6 +141,7 @@ impl Judged {
             }
             _ => Vec::new(),
         };
+        let tolerance_factor = posterior.wide().filter(|_| decision.kind == VerdictKind::None);
         let swings = unknown == Some(Unknown::Swings);
         let why = words::UnknownSign { varying: varying.as_ref(), strained: strained.as_ref(), swings };
         let words = match decision.kind {
@@ -150,7 +151,7 @@ impl Judged {
             }
             VerdictKind::Effect => words::effect(&effects, gap_reduction, decision.probability),
             VerdictKind::None => {
-                words::none(gap_reduction, posterior.factor(), &self.recalibration(problem, vehicle))
+                words::none(gap_reduction, tolerance_factor, &self.recalibration(problem, vehicle))
             }
             VerdictKind::NotInLibrary => words::not_in_library(&effects, why, gap_reduction),
         };
@@ -160,7 +161,17 @@ impl Judged {
             VerdictKind::None | VerdictKind::CannotTell => (Vec::new(), Vec::new()),
         };
         let (kind, probability) = (decision.kind, decision.probability);
-        Verdict { kind, probability, effects, nearest, short_list, varying, strained, summary: words }
+        Verdict {
+            kind,
+            probability,
+            effects,
+            nearest,
+            tolerance_factor,
+            short_list,
+            varying,
+            strained,
+            summary: words,
+        }
     }
 }
 

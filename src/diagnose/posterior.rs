@@ -37,6 +37,9 @@ use crate::numerics::parallel;
 /// Logarithm of the share of the best hypothesis below which another is negligible.
 const NEGLIGIBLE: f64 = -20.0;
 
+/// Scale of the tolerances from which on they are no ordinary ones.
+const WIDE: f64 = 2.0;
+
 /// Sign that a cause is not in the library.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Unknown {
@@ -164,11 +167,11 @@ impl Posterior {
         Self { worlds: worlds.collect(), ..Self::normalised(merged(all.into_iter().flatten())) }
     }
 
-    /// The most probable scale of the tolerances.
+    /// The most probable scale of the tolerances, where they are wider than ordinary ones.
     #[must_use]
-    pub fn factor(&self) -> f64 {
+    pub fn wide(&self) -> Option<f64> {
         let likeliest = self.worlds.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-        likeliest.map_or(1.0, |(world, _)| world.factor)
+        likeliest.map(|(world, _)| world.factor).filter(|factor| *factor >= WIDE)
     }
 
     /// Probability that there is no effect.

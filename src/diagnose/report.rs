@@ -151,6 +151,9 @@ pub struct Verdict {
     /// For a cause outside the library: the nearest effects of the library. The calibrated simulator has them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub nearest: Vec<NamedEffect>,
+    /// For no effect: the scale of the tolerances that the log speaks for, where they are wider than ordinary ones.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tolerance_factor: Option<f64>,
     /// For a log that does not tell: possible causes, the most probable first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub short_list: Vec<ReportedHypothesis>,

@@ -12,9 +12,7 @@ use super::report::{
 const TELLING: f64 = 0.2;
 /// Least probability of a hypothesis that is mentioned.
 const LISTED: f64 = 0.02;
-/// Scale of the tolerances from which on they are no ordinary ones; tolerances from which on a number is far off; number of
-/// those that are listed.
-const WIDE: f64 = 2.0;
+/// Tolerances from which on a number is far off; number of those that are listed.
 const FAR: f64 = 3.0;
 const LISTED_NUMBERS: usize = 4;
 /// Cosine from which on two effects are hardly told apart.
@@ -103,19 +101,18 @@ pub fn effect(effects: &[NamedEffect], reduction: &GapReduction, probability: f6
     words
 }
 
-/// Sentences for a log without an effect; `factor` is the scale of the tolerances that the log speaks for, `adjusted` the
-/// numbers within them.
+/// Sentences for a log without an effect; `factor` is the scale of the tolerances that the log speaks for, where they are wider
+/// than ordinary ones, `adjusted` the numbers within them.
 #[must_use]
-pub fn none(reduction: &GapReduction, factor: f64, adjusted: &[Adjustment]) -> String {
-    let mut words = if factor < WIDE {
-        "Nothing worth naming: the gap is within what ordinary tolerances of the simulator explain."
-            .to_owned()
-    } else {
-        format!(
+pub fn none(reduction: &GapReduction, factor: Option<f64>, adjusted: &[Adjustment]) -> String {
+    let mut words = match factor {
+        None => "Nothing worth naming: the gap is within what ordinary tolerances of the simulator explain."
+            .to_owned(),
+        Some(factor) => format!(
             "No single cause: many numbers of the vehicle are off, as if of another vehicle, and together they explain the gap. It takes \
              tolerances {factor:.1} times as wide as ordinary ones.{}",
             farthest(adjusted)
-        )
+        ),
     };
     if let Some(gap) = reduction.open_loop.get("yaw_rate") {
         let adjusted = if gap.recalibrated < gap.before {
@@ -307,9 +304,9 @@ mod tests {
             adjusted("far.and.unsure", 0.09, 0.01, 0.02),
             adjusted("far.and.sure", 0.048, 0.01, 0.0002),
         ];
-        let ordinary = none(&GapReduction::default(), 1.0, &numbers);
+        let ordinary = none(&GapReduction::default(), None, &numbers);
         assert!(ordinary.contains("ordinary tolerances of the simulator explain"), "{ordinary}");
-        let wide = none(&GapReduction::default(), 4.0, &numbers);
+        let wide = none(&GapReduction::default(), Some(4.0), &numbers);
         let surest_first = "far.and.sure = 0.048 s (5 tolerances), far.and.unsure = 0.090 s (9 tolerances)";
         assert!(wide.contains("4.0 times") && wide.contains(surest_first), "{wide}");
         assert!(!wide.contains("a.little") && !wide.contains("ordinary tolerances of the"), "{wide}");

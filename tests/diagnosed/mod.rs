@@ -130,6 +130,7 @@ fn drive_and_diagnose() -> (CleanLog, Diagnosis) {
             probability: 0.93,
             effects: vec![named],
             nearest: vec![],
+            tolerance_factor: None,
             short_list: Vec::new(),
             varying: None,
             strained: None,

@@ -18,6 +18,9 @@ pub(super) fn headline(verdict: &Verdict) -> String {
                 verdict.effects.iter().map(|effect| value(effect.value, &effect.id, &effect.unit)).collect();
             named.join(" and ")
         }
+        VerdictKind::None if verdict.tolerance_factor.is_some() => {
+            "no effect, but the vehicle's numbers are off".into()
+        }
         VerdictKind::None => "nothing worth naming".into(),
         VerdictKind::NotInLibrary => "not in the library of effects".into(),
         VerdictKind::CannotTell => "this log does not tell".into(),
