@@ -55,8 +55,8 @@ SLOW = (
 )
 # Examples with files that only the reader has.
 READERS = ("my_plant.py", "MyCar.fmu", "drive.mf4", "out/evaluate_truck")
-# What a verdict, or a requirement that this machine does not meet, says with its exit status.
-STATUSES = {"rfl diagnose": {0, 3, 4, 5}, "--require": {0, 6}}
+# What a verdict, a car that the default controller drives best, or a requirement that this machine does not meet says with its status.
+STATUSES = {"rfl diagnose": {0, 3, 4, 5}, "rfl learn": {0, 3}, "--require": {0, 6}}
 
 
 def name_of(page: Path) -> str:
@@ -148,16 +148,21 @@ def from_elsewhere(text: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def log(rfl, tmp_path_factory) -> Path:
-    """A drive, as readers have them."""
-    file = tmp_path_factory.mktemp("log") / "drive.csv"
-    command = [rfl, "drive", "--path", ROOT / "paths" / "sudoku_turns.csv", "--duration", "40", "--log", file]
-    subprocess.run(command, check=True, capture_output=True)
-    return file
+def logs(rfl, tmp_path_factory) -> dict[str, Path]:
+    """Drives, as readers have them: of a car, of its steering when it has become late, and of another road."""
+    place = tmp_path_factory.mktemp("logs")
+    found = {}
+    for name, road, delay in (("sound", "turns", 0.0), ("late", "turns", 0.06), ("other", "train", 0.0)):
+        found[name] = place / f"{name}.csv"
+        command = [rfl, "drive", "--path", ROOT / "paths" / f"sudoku_{road}.csv", "--duration", "40", "--quiet"]
+        command += ["--log", found[name], "--set", f"effect.steer_delay={delay}"]
+        # The time is over before the road is.
+        subprocess.run(command, check=False, capture_output=True)
+    return found
 
 
 @pytest.fixture
-def folder(tmp_path, fmus, log, rfl) -> Path:
+def folder(tmp_path, fmus, logs, rfl) -> Path:
     """A checkout with a road, a vehicle file, logs and FMUs of the reader."""
     for name in ("paths", "vehicles", "scripts", "tests", "examples", ".venv"):
         (tmp_path / name).symlink_to(ROOT / name)
@@ -169,8 +174,10 @@ def folder(tmp_path, fmus, log, rfl) -> Path:
         shutil.copy(ROOT / "vehicles" / "c_class.toml", tmp_path / name)
     shutil.copytree(ROOT / "vehicles" / "tyres", tmp_path / "tyres")
     (tmp_path / "my_logs").mkdir()
-    for name in ("real.csv", "june.csv", "march.csv", "sweep.csv", "my_logs/monday.csv"):
-        shutil.copy(log, tmp_path / name)
+    for name in ("real.csv", "march.csv", "my_logs/monday.csv"):
+        shutil.copy(logs["sound"], tmp_path / name)
+    shutil.copy(logs["late"], tmp_path / "june.csv")
+    shutil.copy(logs["other"], tmp_path / "sweep.csv")
     subprocess.run(["gzip", "--keep", "real.csv"], cwd=tmp_path, check=True)
     step = ["time,steer_cmd,steer"]
     for k in range(400):
