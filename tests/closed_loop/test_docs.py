@@ -55,7 +55,7 @@ SLOW = (
 )
 # Examples with files that only the reader has.
 READERS = ("my_plant.py", "MyCar.fmu", "drive.mf4", "out/evaluate_truck")
-# What a verdict, a car that the default controller drives best, or a requirement that this machine does not meet says with its status.
+# What a verdict, a car that the default controller drives best, or a requirement that is not met says with its status.
 STATUSES = {"rfl diagnose": {0, 3, 4, 5}, "rfl learn": {0, 3}, "--require": {0, 6}}
 
 
