@@ -10,6 +10,11 @@ use rfl_mpc::simulate::{Outcome, TruckClosedLoop, TruckDrive};
 use rfl_mpc::vehicle::{BUILTIN_TRUCKS, SingleTrack, TruckEffects, builtin, builtin_truck};
 use std::sync::Arc;
 
+fn straight_road() -> Arc<Path> {
+    let samples = (0..=160).map(|k| Sample::at(5.0 * f64::from(k), 0.0)).collect();
+    Arc::new(Path::from_samples(samples, Closure::Open).unwrap())
+}
+
 /// Drives a straight road with a heading that is off at its start, at 25 m/s, even where it leaves the lane.
 fn drive(
     name: &str,
@@ -18,18 +23,12 @@ fn drive(
     change: impl Fn(&mut TruckControllerParameters),
 ) -> TruckDrive {
     let truck = builtin_truck(name).unwrap();
-    let samples = (0..=160).map(|k| Sample::at(5.0 * f64::from(k), 0.0)).collect();
-    let road = Arc::new(Path::from_samples(samples, Closure::Open).unwrap());
     let mut parameters = TruckControllerParameters::for_truck(&truck);
     parameters.speed.limit = 25.0;
     change(&mut parameters);
-    let controller = TruckController::new(parameters, road).unwrap();
+    let controller = TruckController::new(parameters, straight_road()).unwrap();
     let closed = TruckClosedLoop::at_start(controller, &truck, &effects, 0.02).unwrap();
     closed.placed([None, None, Some(yaw), None]).record(100.0, |_, _| true)
-}
-
-fn farthest(drive: &TruckDrive) -> f64 {
-    drive.column("e1").iter().fold(0.0, |most: f64, e1| most.max(e1.abs()))
 }
 
 #[test]
@@ -63,7 +62,8 @@ fn what_the_disturbances_ask_for_is_beside_the_bound() {
         effects.vehicle.steer_offset = offset;
         let drive = drive("truck_simulation", 0.0, effects, |_| ());
         assert_eq!(drive.ending.outcome, Outcome::Completed, "{}", drive.ending.reason());
-        assert!(farthest(&drive) < 0.5, "{offset}: {}", farthest(&drive));
+        let farthest = drive.tracking().max;
+        assert!(farthest < 0.5, "{offset}: {farthest}");
     }
 }
 
@@ -96,13 +96,11 @@ fn a_steady_steer_holds_a_vehicle_straight() {
 #[test]
 fn a_model_beyond_its_critical_speed_has_bounds() {
     let car = builtin("c_class").unwrap();
-    let samples = (0..=160).map(|k| Sample::at(5.0 * f64::from(k), 0.0)).collect();
-    let road = Arc::new(Path::from_samples(samples, Closure::Open).unwrap());
     let mut parameters = ControllerParameters::for_car(&car);
     // So soft behind that steering to the left turns it to the right, at 30 m/s.
     parameters.vehicle.rear_stiffness = 30e3;
     parameters.mpc.lateral_accel_max = 1.0;
-    let mut controller = Controller::new(parameters, road).unwrap();
+    let mut controller = Controller::new(parameters, straight_road()).unwrap();
     for y in [0.0, 0.3, -1.0, 3.0] {
         let measured = Measurement { x: 10.0 + y, y, vx: 30.0, ..Measurement::default() };
         let steer = controller.step(&measured).unwrap().steer_cmd;

@@ -98,7 +98,7 @@ pub fn lead(posterior: &Posterior) -> Decision {
     others.fold(nothing, |best, it| if it.probability > best.probability { it } else { best })
 }
 
-/// The verdict: the lead, if it is more probable than not; effects only if it predicts.
+/// The verdict: the lead, if it is more probable than not, and predicts.
 #[must_use]
 pub fn decide(lead: Decision, predicts: bool) -> Decision {
     let tells = lead.probability >= MORE_THAN_NOT && (predicts || lead.kind != VerdictKind::Effect);

@@ -191,8 +191,6 @@ pub(super) fn judge<V: ReplayVehicle>(
     let winner = ranking.find(&lead.effects).unwrap_or(&ranking.none).clone();
     let local = ranking.linear_at(problem, &winner);
     let (gap_reduction, predictive) = gap_reduction(problem, ranking, &winner, &local.slopes);
-    let precision = ranking.prior.free(problem, &winner.free);
-    let covariance = local.covariance(&precision);
     let mut decision = decide(lead, predictive.names());
     // A pair explains no less than the better of its two: here more than the odds against both.
     let odds = 2.0 * Calibration::built_in().telling();
@@ -201,6 +199,8 @@ pub(super) fn judge<V: ReplayVehicle>(
     if straight && decision.kind != VerdictKind::None || is_suspicious(findings) || more_than_one {
         decision.kind = VerdictKind::CannotTell;
     }
+    let precision = ranking.prior.free(problem, &winner.free);
+    let covariance = local.covariance(&precision);
     // What is calibrated beside the effects has to hold on what its fit has not seen.
     let simulator = if predictive.recalibration_gains() {
         recalibrated(problem, &ranking.prior, &local, &winner.free, &winner.x)

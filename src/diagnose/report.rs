@@ -202,8 +202,8 @@ pub struct NamedEffect {
     /// Its meaning, in one sentence.
     #[serde(default)]
     pub meaning: String,
-    /// Its value with an interval of 95 %, given that the effect is there, in `unit`. With a reference log, the change since then: a difference, for a
-    /// factor the quotient.
+    /// Its value with an interval of 95 %, given that the effect is there, in `unit`. With a reference log, the change
+    /// since then: a difference, for a factor the quotient.
     pub value: f64,
     /// Lower end of the interval.
     pub low: f64,

@@ -151,7 +151,8 @@ impl Residuals {
         if sizes.len() < POINTS / 2 {
             return None;
         }
-        // Of a normal distribution, those within 3 standard deviations have an RMS of 0.9866: a better estimate than the median, as blind to corners.
+        // Of a normal distribution, those within 3 standard deviations have an RMS of 0.9866: a better estimate than the
+        // median, as blind to corners.
         sizes.sort_by(f64::total_cmp);
         let bound = 3.0 * upper_median(&mut sizes) / MEDIAN_OF_NORMAL;
         let within = &sizes[..sizes.partition_point(|size| *size <= bound)];

@@ -156,8 +156,7 @@ def logs(rfl, tmp_path_factory) -> dict[str, Path]:
         found[name] = place / f"{name}.csv"
         command = [rfl, "drive", "--path", ROOT / "paths" / f"sudoku_{road}.csv", "--duration", "40", "--quiet"]
         command += ["--log", found[name], "--set", f"effect.steer_delay={delay}"]
-        # The time is over before the road is.
-        subprocess.run(command, check=False, capture_output=True)
+        subprocess.run(command, check=True, capture_output=True)
     return found
 
 
