@@ -32,7 +32,8 @@ format.
 
 Signals on several clocks are interpolated to one. What is missing in the file becomes an empty field. A column that
 cannot be read is named; it is an error only if the mapping asks for it. Columns with names that CarSim, CarMaker,
-comma.ai or Autoware give are suggested as entries of the mapping, and never taken unasked.
+comma.ai or Autoware give are suggested as entries of the mapping, and never taken unasked. A log of more than 512 MB
+(unpacked) or 5 million rows is refused, unless --limit allows it.
 """
 
 from __future__ import annotations
@@ -50,9 +51,11 @@ from importing.bags import read_rosbag
 from importing.column_unit import unit_for
 from importing.formats import read_matlab, read_mf4, read_parquet
 from importing.known_names import is_steering_wheel, looks_like_time, suggestions
+from importing.limits import MEGABYTE, MOST, STANDARD, USUAL, Limits, check_file
 from importing.log import ImportFailed, Log, Series, said
 from importing.mapping import check_rate, read_mapping, resolve, vocabulary, wanted
 from importing.output import written
+from importing.progress import Progress, followed, word
 from importing.table import read_table
 from importing.units import UNITS, unit_of
 
@@ -63,8 +66,11 @@ READERS = {
 }  # fmt: skip
 
 
-def open_log(file: Path, names: set[str] = frozenset()) -> Log:
-    """Opens a log by its ending; `names` are the columns that the mapping asks for."""
+SLOW = 64 * MEGABYTE  # size of a file from which a reader is known to take its time
+
+
+def open_log(file: Path, names: set[str] = frozenset(), limits: Limits = STANDARD) -> Log:
+    """Opens a log by its ending, if it is within the limits; `names` are the columns that the mapping asks for."""
     if not file.exists():
         raise ImportFailed(f"{file}: there is no such file")
     if file.is_dir() and not (file / "metadata.yaml").is_file():
@@ -77,8 +83,11 @@ def open_log(file: Path, names: set[str] = frozenset()) -> Log:
     reader = read_rosbag if file.is_dir() else READERS.get(file.suffix.lower())
     if reader is None:
         raise ImportFailed(f"{file}: its ending is none of {', '.join(sorted(READERS))}, nor is it a folder of ROS 2")
+    size = check_file(file, limits)
+    if reader is not read_table and size > SLOW:
+        word(f"reading {file.name}: {size // MEGABYTE} MB")
     try:
-        return reader(file, names)
+        return reader(file, names, limits)
     except ImportFailed:
         raise
     except Exception as error:  # Readers of foreign formats raise whatever they like.
@@ -165,7 +174,8 @@ def series_of(log: Log, mapping_file: Path, mapping: dict, rate: float | None = 
     """The mapped signals, in our units, each on its clock."""
     clock = clock_of(log, mapping_file, mapping, rate)
     found = {}
-    for signal, table in mapping["columns"].items():
+    entries = mapping["columns"].items()
+    for signal, table in followed(entries, len(entries), f"reading the columns of {log.file.name}"):
         key = f"columns.{signal}"
         name = resolve(log, mapping_file, key, table["column"])
         series = fetch(log, mapping_file, key, name)
@@ -204,7 +214,9 @@ def series_of(log: Log, mapping_file: Path, mapping: dict, rate: float | None = 
 GAP = 0.5  # s; a longer stretch without a sample is left empty
 
 
-def on_one_clock(found: dict[str, Series], rate: float | None) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def on_one_clock(
+    found: dict[str, Series], rate: float | None, limits: Limits = STANDARD
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """All signals on one clock; the table's own where all share it and no rate is asked for."""
     clocks = [series.time for series in found.values()]
     if rate is None and all(np.array_equal(clock, clocks[0]) for clock in clocks):
@@ -214,6 +226,12 @@ def on_one_clock(found: dict[str, Series], rate: float | None) -> tuple[np.ndarr
     begin, end = max(clock[0] for clock in clocks), min(clock[-1] for clock in clocks)
     if end - begin < step:
         raise ImportFailed("the signals have no time in common: they do not overlap")
+    if (end - begin) / step > limits.rows:
+        raise ImportFailed(
+            f"the drive log would have {(end - begin) / step:.3g} rows ({end - begin:.6g} s at {1 / step:.6g} Hz), and "
+            f"{limits.rows} is the limit: are the time stamps and their unit right? A lower rate in the mapping makes "
+            "fewer rows"
+        )
     time = begin + step * np.arange(math.floor((end - begin) / step + 1e-9) + 1)
     columns = {}
     for name, series in found.items():
@@ -224,22 +242,27 @@ def on_one_clock(found: dict[str, Series], rate: float | None) -> tuple[np.ndarr
     return time, columns
 
 
+WRITTEN = 10_000  # rows that are written at a time
+
+
 def write(file: Path, time: np.ndarray, columns: dict[str, np.ndarray]) -> None:
     """Writes the drive log, columns in the vocabulary's order."""
     names = [name for name in vocabulary() if name in columns]
     with written(file) as stream:
         rows = csv.writer(stream)
         rows.writerow(["time", *names])
-        for row in zip(time, *(columns[name] for name in names)):
-            rows.writerow(["" if math.isnan(value) else f"{value:.9g}" for value in row])
+        signals = [time, *(columns[name] for name in names)]
+        for begin in followed(range(0, len(time), WRITTEN), len(time) / WRITTEN, f"writing {file.name}"):
+            for row in zip(*(signal[begin : begin + WRITTEN].tolist() for signal in signals)):
+                rows.writerow(["" if math.isnan(value) else f"{value:.9g}" for value in row])
 
 
-def convert(file: Path, mapping_file: Path, out: Path, rate: float | None = None) -> str:
+def convert(file: Path, mapping_file: Path, out: Path, rate: float | None = None, limits: Limits = STANDARD) -> str:
     """Brings one log in; sentences on it."""
     mapping = read_mapping(mapping_file)
-    log = open_log(file, wanted(mapping))
+    log = open_log(file, wanted(mapping), limits)
     found = series_of(log, mapping_file, mapping, rate)
-    time, columns = on_one_clock(found, mapping.get("rate"))
+    time, columns = on_one_clock(found, mapping.get("rate"), limits)
     # Numbers of a clock that counts from 1970 are long and say nothing.
     time = time - time[0]
     write(out, time, columns)
@@ -262,7 +285,7 @@ def indented(text: str) -> list[str]:
 def list_log(options: argparse.Namespace) -> None:
     """Shows what a log holds, on the terminal or as JSON."""
     mapping = read_mapping(options.mapping) if options.mapping else {"columns": {}}
-    log = open_log(options.log, wanted(mapping))
+    log = open_log(options.log, wanted(mapping), Limits.of(options.limit))
     name, times = None, None
     if options.rate is None and "rate" not in mapping.get("time", {}):
         table = mapping.get("time", {})
@@ -287,6 +310,13 @@ def list_log(options: argparse.Namespace) -> None:
                 stream.write(text)
 
 
+def megabytes(text: str) -> int:
+    """A limit, as `rfl` takes it."""
+    if not (text.isascii() and text.isdigit() and 1 <= int(text) <= MOST):
+        raise argparse.ArgumentTypeError(f"'{text}' is no number of MB from 1 to {MOST}")
+    return int(text)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("log", type=Path, help="MF4, Parquet, MATLAB or CSV file, or a ROS bag (file or folder)")
@@ -297,7 +327,14 @@ def main() -> int:
         "--json", type=Path, metavar="FILE", help="with --list: write the list as JSON (- is the terminal)"
     )
     parser.add_argument("--rate", type=float, metavar="HZ", help="constant rate of a table that has no column of time")
+    parser.add_argument(
+        "--limit", type=megabytes, metavar="MB",
+        help=f"largest log in MB, unpacked (default: {USUAL}); a log may have {Limits.rows} rows and {Limits.columns} "
+        f"columns, and for each {USUAL} MB of a larger limit as many again",
+    )  # fmt: skip
+    parser.add_argument("--quiet", action="store_true", help="no progress")
     options = parser.parse_args()
+    Progress.quiet = options.quiet
     if not options.list and options.mapping is None:
         parser.error("give a mapping file, or --list")
     if options.json and not options.list:
@@ -309,7 +346,7 @@ def main() -> int:
             list_log(options)
             return 0
         out = options.out or Path(options.log.stem.removesuffix(".csv") + ".drive.csv")
-        print(convert(options.log, options.mapping, out, options.rate))
+        print(convert(options.log, options.mapping, out, options.rate, Limits.of(options.limit)))
     except BrokenPipeError:  # The reader of the list has seen enough.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except (ImportFailed, OSError) as error:

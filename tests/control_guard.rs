@@ -6,7 +6,7 @@ use rfl_mpc::control::{
 };
 use rfl_mpc::path::{Closure, Path, Sample};
 use rfl_mpc::simulate::{ClosedLoop, SensorNoise, TruckClosedLoop};
-use rfl_mpc::vehicle::{BUILTIN, BUILTIN_TRUCKS, Car, Effects, TruckEffects, builtin, builtin_truck};
+use rfl_mpc::vehicle::{BUILTIN, BUILTIN_TRUCKS, Car, Effects, Truck, TruckEffects, builtin, builtin_truck};
 use std::cell::Cell;
 use std::sync::Arc;
 
@@ -474,6 +474,8 @@ fn a_speed_that_is_a_few_percent_off_is_no_fault() {
 /// Which of x, y, yaw, vx, vy and yaw rate are told anew.
 const POSE: [bool; 6] = [true, true, true, false, false, false];
 const ALL: [bool; 6] = [true; 6];
+/// A satellite receiver's place beside an inertial unit's yaw.
+const PLACE: [bool; 6] = [true, true, false, false, false, false];
 
 /// A drive whose sensors, those of `slow`, tell something new at each `every`-th step only, up to a time.
 fn drive_with_slow_sensors(slow: [bool; 6], every: u32, speed: f64, until: f64, duration: f64) -> Outcome {
@@ -506,7 +508,8 @@ fn drive_with_slow_sensors(slow: [bool; 6], every: u32, speed: f64, until: f64, 
 
 #[test]
 fn sensors_slower_than_the_controller_are_bridged_and_when_they_die_the_vehicle_stops() {
-    for (slow, every) in [(ALL, 2), (ALL, 5), (ALL, 10), (POSE, 2), (POSE, 5), (POSE, 10)] {
+    let receivers = [ALL, POSE, PLACE].into_iter().flat_map(|slow| [2, 5, 10].map(|every| (slow, every)));
+    for (slow, every) in receivers {
         for speed in [4.0, 10.0, 20.0] {
             let outcome = drive_with_slow_sensors(slow, every, speed, f64::INFINITY, 18.0);
             let what =
@@ -523,6 +526,34 @@ fn sensors_slower_than_the_controller_are_bridged_and_when_they_die_the_vehicle_
                 assert_eq!(outcome.last, ControlStatus::SafeStop, "{what}");
             }
         }
+    }
+}
+
+/// A host's outputs are zero until they are first written: no measurements of a vehicle in motion.
+#[test]
+fn a_vehicle_in_motion_whose_first_samples_are_zero_drives_on() {
+    let truck = builtin_truck(BUILTIN_TRUCKS[0]).unwrap();
+    for (zeros, speed) in [(1, 9.0), (3, 9.0), (1, 14.0), (15, 9.0)] {
+        let mut parameters = TruckControllerParameters::for_truck(&truck);
+        (parameters.speed.limit, parameters.speed.controller) = (speed, 1);
+        let controller = TruckController::new(parameters, fast_road()).unwrap();
+        let mut vehicle = Truck::new(&truck, &TruckEffects::default(), None).unwrap();
+        let start = fast_road().at(20.0);
+        vehicle.place(start.x, start.y, start.yaw, speed);
+        let mut step = 0;
+        let mut closed = TruckClosedLoop::new(controller, vehicle, 0.02).with_fault(move |_, told| {
+            if step < zeros {
+                *told = Measurement::default();
+            }
+            step += 1;
+        });
+        let (mut slowest, mut error) = (f64::INFINITY, 0.0_f64);
+        for _ in 0..500 {
+            closed.advance().unwrap();
+            slowest = slowest.min(closed.vehicle().output().vx);
+            error = error.max(closed.lateral_error().abs());
+        }
+        assert!(slowest > 0.9 * speed && error < 0.3, "{zeros} at {speed} m/s: {slowest} m/s, {error} m");
     }
 }
 

@@ -263,3 +263,26 @@ fn a_tolerance_that_is_none_is_refused() {
         assert!(matches!(error, PathError::Tolerance { .. }), "{error}");
     }
 }
+
+/// A receiver slower than its log: each of its points stands there several times.
+#[test]
+fn points_that_repeat_are_as_noisy_as_those_that_do_not() {
+    let road = |repeats: usize| {
+        let mut seed = 3;
+        let points = (0..400).flat_map(|i| {
+            let [x, y] = ring(TAU * f64::from(i) / 400.0);
+            let point = Sample::at(x + 0.1 * noise(&mut seed), y + 0.1 * noise(&mut seed));
+            std::iter::repeat_n(point, repeats)
+        });
+        let options = PathOptions { closure: Closure::Closed, ..PathOptions::default() };
+        Path::from_samples_with(points.collect(), &options).unwrap()
+    };
+    let once = road(1);
+    for repeats in [2, 3, 10] {
+        let repeated = road(repeats);
+        assert!((repeated.length() / once.length() - 1.0).abs() < 1e-9, "{repeats}: {} m", repeated.length());
+        let of = |path: &Path| (0..300).map(|s| path.at(f64::from(s)).curvature).collect::<Vec<_>>();
+        let worst = of(&repeated).iter().zip(of(&once)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst < 1e-9, "{repeats}: {worst}");
+    }
+}

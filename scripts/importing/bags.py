@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import importlib
+from array import array
 from pathlib import Path
 
 import numpy as np
 
+from importing.limits import Limits
 from importing.log import ImportFailed, Log, Series, load, said
+from importing.progress import followed
 
 
 class Bag:
     """A bag's topics, each with its own message definitions: one that is unknown leaves the others alone."""
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, limits: Limits):
+        self.limits = limits
         load("rosbags", f"{path.name}: ROS bags")
         self.second = path.is_dir() or path.suffix.lower() in (".db3", ".mcap")
         if self.second and not path.is_dir() and (path.parent / "metadata.yaml").is_file():
@@ -86,10 +90,15 @@ class Bag:
 
     def read(self, topic: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         names = self.fields[topic]
-        times: list[int] = []
-        values: dict[str, list] = {name: [] for name in names}
+        times = array("q")
+        values = {name: array("d") for name in names}
+        wide: set[str] = set()
         with self.module.Reader(self.path) as reader:
-            for received, message in self.messages(reader, topic):
+            count = sum(connection.msgcount for connection in reader.connections if connection.topic == topic)
+            self.limits.check_rows(count, what="messages")
+            self.limits.check_fields(count * len(names))
+            for received, message in followed(self.messages(reader, topic), count, f"reading {topic}"):
+                self.limits.check_rows(len(times) + 1, what="messages")
                 stamp = getattr(getattr(message, "header", None), "stamp", None)
                 # The stamp is when it was measured; the bag's time is when it was written.
                 nanosecond = getattr(stamp, "nanosec", getattr(stamp, "nsec", 0))
@@ -98,8 +107,15 @@ class Bag:
                     value = message
                     for part in name.split("."):
                         value = getattr(value, part)
-                    values[name].append((value.x, value.y, value.z, value.w) if is_quaternion(value) else value)
-        return np.array(times, dtype="int64"), {name: np.array(series, float) for name, series in values.items()}
+                    if is_quaternion(value):
+                        wide.add(name)
+                        values[name].extend((value.x, value.y, value.z, value.w))
+                    else:
+                        values[name].append(value)
+        columns = {name: np.frombuffer(series, float) for name, series in values.items()}
+        return np.frombuffer(times, "int64"), {
+            name: series.reshape(-1, 4) if name in wide else series for name, series in columns.items()
+        }
 
 
 def is_quaternion(value) -> bool:
@@ -121,8 +137,8 @@ def fields(message, prefix: str = "") -> list[str]:
     return names
 
 
-def read_rosbag(path: Path, _wanted: set[str]) -> Log:
+def read_rosbag(path: Path, _wanted: set[str], limits: Limits) -> Log:
     """ROS 1 and 2 bags."""
-    bag = Bag(path)
+    bag = Bag(path, limits)
     names = sorted({f"{topic}:{field}" for topic, inner in bag.fields.items() for field in inner})
     return Log(path, names, bag.column, None, {}, dict(bag.broken))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from array import array
+from collections.abc import Iterable
 from datetime import date
 
 import numpy as np
@@ -12,25 +14,33 @@ from importing.units import TIMES, UNITS, bracketed, unit_of
 
 DAY = 86_400 * 10**9  # ns
 
-_ZONE = r"(?:\s*(?P<zone>Z|UTC|GMT|[+-]\d\d:?\d\d|[+-]\d\d))?"
+# Figures are ASCII, as in numbers; blanks may be hard or thin.
+_BLANK = r"[\s\xa0\u2009\u202f]"
+
+
+def _form(pattern: str) -> re.Pattern:
+    return re.compile(pattern, re.ASCII)
+
+
+_ZONE = rf"(?:{_BLANK}*(?P<zone>Z|UTC|GMT|[+-]\d\d:?\d\d|[+-]\d\d))?"
 _CLOCK = r"(?P<h>\d{1,2})[:_.hH-](?P<min>\d{1,2})(?:[:_.m-](?P<s>\d{1,2})(?:(?P<point>[.,:_-])(?P<frac>\d{1,9}))?)?"
-_NOON = r"(?:\s*(?P<noon>[AaPp][Mm]))?"
-_BETWEEN = r"(?:\s*T|\s+|_|-|/|:|,\s*)"
+_NOON = rf"(?:{_BLANK}*(?P<noon>[AaPp][Mm]))?"
+_BETWEEN = rf"(?:{_BLANK}*T|{_BLANK}+|_|-|/|:|,{_BLANK}*)"
 _YMD = r"(?P<a>\d{4})(?P<sep>[-_/.:])(?P<b>\d{1,2})(?P=sep)(?P<c>\d{1,2})"
 _DMY = r"(?P<a>\d{1,2})(?P<sep>[-_/.])(?P<b>\d{1,2})(?P=sep)(?P<c>\d{4})"
 _FORMS = [
-    re.compile(f"{_YMD}{_BETWEEN}{_CLOCK}{_NOON}{_ZONE}"),
-    re.compile(f"{_DMY}{_BETWEEN}{_CLOCK}{_NOON}{_ZONE}"),
+    _form(f"{_YMD}{_BETWEEN}{_CLOCK}{_NOON}{_ZONE}"),
+    _form(f"{_DMY}{_BETWEEN}{_CLOCK}{_NOON}{_ZONE}"),
     # 20240423T133700.020, 20240423_133700_020, 20240423133700020
-    re.compile(
+    _form(
         r"(?P<a>(?:19|20)\d\d)(?P<b>\d\d)(?P<c>\d\d)[T_ -]?(?P<h>\d\d)(?P<min>\d\d)(?P<s>\d\d)"
         rf"(?:(?P<point>[.,_-]?)(?P<frac>\d{{1,9}}))?{_ZONE}"
     ),
-    re.compile(r"(?P<h>\d{1,2}):(?P<min>\d\d):(?P<s>\d\d)(?:(?P<point>[.,:])(?P<frac>\d{1,9}))?" + _NOON),
+    _form(r"(?P<h>\d{1,2}):(?P<min>\d\d):(?P<s>\d\d)(?:(?P<point>[.,:])(?P<frac>\d{1,9}))?" + _NOON),
     # Stop watches: minutes and seconds.
-    re.compile(r"(?P<min>\d{1,3}):(?P<s>\d\d)(?P<point>[.,])(?P<frac>\d{1,9})"),
+    _form(r"(?P<min>\d{1,3}):(?P<s>\d\d)(?P<point>[.,])(?P<frac>\d{1,9})"),
 ]
-_COMPACT = re.compile(
+_COMPACT = _form(
     r"(?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01])(?:[01]\d|2[0-3])[0-5]\d[0-5]\d(?:\d{3}|\d{6}|\.\d+)?"
 )
 
@@ -47,43 +57,51 @@ def is_compact(text: str) -> bool:
     return len(text) >= 14 and text[:14].isdigit() and _COMPACT.fullmatch(text) is not None
 
 
-def of_stamps(texts: list[str], where: str, line: list[int]) -> np.ndarray:
-    """Seconds since the first stamp. `where` names the column, `line` the line of each stamp."""
-    form = next((form for form in _FORMS if form.fullmatch(texts[0])), None)
-    if form is None:
-        raise ImportFailed(
-            f"{where}: '{texts[0]}' in line {line[0]} is neither a number nor a time stamp that is known "
-            "(ISO 8601, dates with - / . _ between, times of day)"
-        )
-    matches = []
-    for text, number in zip(texts, line):
+def of_stamps(texts: Iterable[str], where: str, lines: Iterable[int]) -> np.ndarray:
+    """Seconds since the first stamp. `where` names the column, `lines` has the line of each stamp.
+
+    Of each stamp two numbers are kept: the time of day, and which of the dates it has.
+    """
+    form = first = opening = None
+    dates: dict[tuple, int] = {}
+    zones: set[bool] = set()
+    widths: set[int] = set()
+    of_day, date_of = array("q"), array("q")
+    for text, line in zip(texts, lines):
+        if form is None:
+            first, form = text, next((form for form in _FORMS if form.fullmatch(text)), None)
+        if form is None:
+            raise ImportFailed(
+                f"{where}: '{text}' in line {line} is neither a number nor a time stamp that is known "
+                "(ISO 8601, dates with - / . _ between, times of day)"
+            )
         match = form.fullmatch(text)
         if match is None:
-            raise ImportFailed(f"{where}: '{text}' in line {number} is written otherwise than '{texts[0]}'")
-        matches.append(match.groupdict())
-    check_fractions(matches, where, texts)
-    dates = {(m.get("a"), m.get("b"), m.get("c")) for m in matches}
-    month_first = day_first(dates, form, where, matches[0])
-    days = {key: day_of(key, month_first, where) for key in dates}
-    zones = {bool(m.get("zone")) for m in matches}
+            raise ImportFailed(f"{where}: '{text}' in line {line} is written otherwise than '{first}'")
+        m = match.groupdict()
+        opening = opening or m
+        if m.get("frac"):
+            widths.add(len(m["frac"]))
+        zones.add(bool(m.get("zone")))
+        date_of.append(dates.setdefault((m.get("a"), m.get("b"), m.get("c")), len(dates)))
+        of_day.append(time_of_day(m, where))
+    check_fractions(opening, widths, where, first)
+    month_first = day_first(set(dates), form, where, opening)
+    days = np.array([day_of(key, month_first, where) for key in dates], dtype="int64")
     if len(zones) > 1:
         raise ImportFailed(f"{where}: some time stamps have a time zone and others have none")
-    stamps = [days[m.get("a"), m.get("b"), m.get("c")] * DAY + time_of_day(m, where) for m in matches]
-    times = np.array(stamps, dtype="int64")
+    times = days[np.frombuffer(date_of, "int64")] * DAY + np.frombuffer(of_day, "int64")
     if "a" not in form.groupindex:
         # A time of day starts anew at midnight.
         times = times + DAY * np.concatenate([[0], np.cumsum(np.diff(times) < -DAY // 2)])
     return (times - times[0]) * 1e-9
 
 
-def check_fractions(matches: list[dict], where: str, texts: list[str]) -> None:
+def check_fractions(opening: dict, widths: set[int], where: str, first: str) -> None:
     """Refuses `12_00_00_5` beside `12_00_00_20`: a counter of milliseconds or a decimal fraction cannot be told."""
-    if matches[0].get("point") in (".", ",", None, ""):
-        return
-    widths = {len(m["frac"]) for m in matches if m.get("frac")}
-    if len(widths) > 1:
+    if opening.get("point") not in (".", ",", None, "") and len(widths) > 1:
         raise ImportFailed(
-            f"{where}: the last figure of time stamps like '{texts[0]}' has {min(widths)} to {max(widths)} digits; "
+            f"{where}: the last figure of time stamps like '{first}' has {min(widths)} to {max(widths)} digits; "
             "milliseconds and fractions of a second cannot be told apart"
         )
 

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from importing import clock
+from importing.limits import Limits
 from importing.log import ImportFailed, Log, Series, load, numeric, said
-from importing.table import number
+from importing.number import number
+
+LONGEST_STAMP = 100  # letters of a time stamp
 
 
-def read_mf4(file: Path, _wanted: set[str]) -> Log:
+def read_mf4(file: Path, _wanted: set[str], limits: Limits) -> Log:
     """ASAM MDF 3 and 4."""
     mdf = load("asammdf", f"{file.name}: MF4").MDF(file)
+    check_groups(file, mdf, limits)
     notes: list[str] = []
     units: dict[str, str] = {}
     masters = {name for name, places in mdf.channels_db.items() if all(is_master(mdf, *place) for place in places)}
@@ -53,6 +58,19 @@ def read_mf4(file: Path, _wanted: set[str]) -> Log:
     return Log(file, sorted(mdf.channels_db.keys() - masters), get, None, units, {}, {}, notes)
 
 
+def check_groups(file: Path, mdf, limits: Limits) -> None:
+    """Holds the groups' samples against the limits: blocks may be packed."""
+    size = 0
+    for group in mdf.groups:
+        about = group.channel_group
+        limits.check_rows(about.cycles_nr, f"{file}: ", "samples in a group")
+        size += about.cycles_nr * (about.samples_byte_nr + getattr(about, "invalidation_bytes_nr", 0))
+    try:
+        limits.check_bytes(size, unpacked=True)
+    except ImportFailed as error:
+        raise ImportFailed(f"{file}: {error}") from error
+
+
 def numbers_among(words: np.ndarray, raw: np.ndarray) -> np.ndarray:
     """Numbers of a channel that has words for some values ('not available'), or raw ones where all are words."""
     texts = [word.decode("latin-1") if isinstance(word, bytes) else str(word) for word in words.tolist()]
@@ -69,13 +87,16 @@ def is_master(mdf, group: int, index: int) -> bool:
     return mdf.masters_db.get(group) == index
 
 
-def read_parquet(file: Path, _wanted: set[str]) -> Log:
+def read_parquet(file: Path, _wanted: set[str], limits: Limits) -> Log:
     """Parquet tables; a structure's fields are dotted names."""
     parquet, arrow = load("pyarrow.parquet", f"{file.name}: Parquet"), load("pyarrow", f"{file.name}: Parquet")
     compute, types = load("pyarrow.compute", f"{file.name}: Parquet"), arrow.types
     units: dict[str, str] = {}
     broken: dict[str, str] = {}
     places: dict[str, list[str]] = {}
+
+    def is_string(kind) -> bool:
+        return types.is_string(kind) or types.is_large_string(kind)
 
     def walk(path: list[str], entry) -> None:
         name, kind = ".".join(path), entry.type
@@ -91,19 +112,40 @@ def read_parquet(file: Path, _wanted: set[str]) -> Log:
         if entry.metadata and b"unit" in entry.metadata:
             units[name] = entry.metadata[b"unit"].decode("utf-8", "replace")
 
-    for entry in parquet.read_schema(file):
+    with parquet.ParquetFile(file) as opened:
+        about, schema = opened.metadata, opened.schema_arrow
+    limits.check_rows(about.num_rows, f"{file}: ")
+    limits.check_columns(about.num_columns, f"{file}: ")
+    # A column is read when it is needed, so each is held against the limit alone.
+    sizes: dict[str, int] = {}
+    for group in map(about.row_group, range(about.num_row_groups)):
+        for part in map(group.column, range(group.num_columns)):
+            sizes[part.path_in_schema] = sizes.get(part.path_in_schema, 0) + part.total_uncompressed_size
+    for entry in schema:
         walk([entry.name], entry)
 
     def column(name: str):
         path = places[name]
-        found = parquet.ParquetFile(file).read(columns=[name]).column(0)
+        limits.check_bytes(sizes.get(name, 0), unpacked=True)
+        # Of texts each is kept once: a short file can repeat a long one a million times.
+        texts = [name] if is_text(path) else None
+        with parquet.ParquetFile(file, read_dictionary=texts) as opened:
+            found = opened.read(columns=[name]).column(0)
         for part in path[1:]:
             found = compute.struct_field(found, part)
         return found.combine_chunks()
 
+    def is_text(path: list[str]) -> bool:
+        kind = schema.field(path[0]).type
+        for part in path[1:]:
+            kind = kind.field(part).type
+        return is_string(kind.value_type if types.is_dictionary(kind) else kind)
+
     def get(name: str) -> Series:
         if name in broken:
             raise ImportFailed(broken[name])
+        if is_text(places[name]):
+            raise ImportFailed("it holds text")
         found = column(name)
         kind = found.type
         if types.is_dictionary(kind):
@@ -111,34 +153,40 @@ def read_parquet(file: Path, _wanted: set[str]) -> Log:
             kind = found.type
         if types.is_temporal(kind):
             return Series(None, seconds(found.cast(arrow.int64() if not types.is_date32(kind) else arrow.int32())))
-        if types.is_string(kind) or types.is_large_string(kind):
-            raise ImportFailed("it holds text")
         return Series(None, numeric(found.cast(arrow.float64(), safe=False).to_numpy(zero_copy_only=False), name))
 
     def seconds(numbers) -> np.ndarray:
-        raw = numbers.to_pylist()
-        first = next((value for value in raw if value is not None), 0)
-        return np.array([np.nan if value is None else float(value - first) for value in raw])
+        known = numbers.drop_null()
+        if len(known) == 0:
+            return np.full(len(numbers), np.nan)
+        # Counted from the first: nanoseconds since 1970 do not fit a float.
+        since = compute.subtract(numbers.cast(arrow.int64()), known[0].cast(arrow.int64()))
+        return since.cast(arrow.float64(), safe=False).to_numpy(zero_copy_only=False)
+
+    def stamps(found, where: str) -> np.ndarray:
+        if types.is_dictionary(found.type):
+            if any(len(text or "") > LONGEST_STAMP for text in found.dictionary.to_pylist()):
+                raise ImportFailed(f"{where}: it holds texts of more than {LONGEST_STAMP} letters, no time stamps")
+            found = found.dictionary_decode()
+        rows = np.flatnonzero(compute.greater(compute.binary_length(found), 0).fill_null(False).to_numpy(False))
+        times = np.full(len(found), np.nan)
+        if len(rows):
+            texts = (found[int(row)].as_py().strip() for row in rows)
+            times[rows] = clock.of_stamps(texts, where, (int(row) + 1 for row in rows))
+        return times
 
     def time(name: str, unit: str | None) -> np.ndarray:
         where = f"{file}: [time] column = '{name}'"
         found = column(name)
         kind = found.type
         if types.is_temporal(kind):
-            # Counted from the first: nanoseconds since 1970 do not fit a float.
             scale = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}.get(getattr(kind, "unit", "s"), 1.0)
             if types.is_date(kind):
                 raise ImportFailed(f"{where}: it holds days ({kind}), no times")
             wide = arrow.int32() if types.is_time32(kind) else arrow.int64()
             return seconds(found.cast(wide)) * scale
-        if types.is_string(kind) or types.is_large_string(kind):
-            texts = found.to_pylist()
-            rows = [row for row, text in enumerate(texts) if text]
-            times = np.full(len(texts), np.nan)
-            if rows:
-                stamps = [texts[row].strip() for row in rows]
-                times[rows] = clock.of_stamps(stamps, where, [row + 1 for row in rows])
-            return times
+        if is_text(places[name]):
+            return stamps(found, where)
         times, note = clock.of_numbers(get(name).values, unit, units.get(name, ""), name)
         if note:
             log.notes.append(f"time '{name}': {note}")
@@ -148,14 +196,59 @@ def read_parquet(file: Path, _wanted: set[str]) -> Log:
     return log
 
 
-def read_matlab(file: Path, _wanted: set[str]) -> Log:
+def loaded(file: Path, new: bool, limits: Limits) -> dict:
+    """A MATLAB file's content, once it is known to fit."""
+    if new:
+        reader = load("mat73", f"{file.name}: MATLAB 7.3")
+        limits.check_bytes(size_of_hdf5(file), unpacked=True)
+        return reader.loadmat(str(file))
+    reader = load("scipy.io", f"{file.name}: MATLAB")
+    check_unpacked(file, limits)
+    for name, shape, kind in reader.whosmat(file):
+        if kind != "sparse":
+            limits.check_fields(math.prod(shape), f"'{name}': ")
+    return reader.loadmat(file, simplify_cells=True)
+
+
+def size_of_hdf5(file: Path) -> int:
+    """Bytes of the data sets of an HDF5 file, unpacked."""
+    h5py = load("h5py", f"{file.name}: MATLAB 7.3")
+    sizes: list[int] = []
+    with h5py.File(file, "r") as content:
+        content.visititems(lambda _, entry: sizes.append(entry.nbytes) if isinstance(entry, h5py.Dataset) else None)
+    return sum(sizes)
+
+
+def check_unpacked(file: Path, limits: Limits) -> None:
+    """Unpacks the variables of a MATLAB file of kind 5 and forgets them: what they say of their size may be wrong."""
+    size = 0
+    with open(file, "rb") as stream:
+        head = stream.read(128)
+        if len(head) < 128 or 0 in head[:4]:
+            return  # an older kind, which packs nothing
+        order = "little" if head[126:128] == b"IM" else "big"
+        while len(tag := stream.read(8)) == 8:
+            kind, count = (int.from_bytes(tag[i : i + 4], order) for i in (0, 4))
+            if kind != 15:
+                stream.seek(count, 1)
+                continue
+            unpacker = zlib.decompressobj()
+            while count > 0 and (data := stream.read(min(count, 1 << 16))):
+                count -= len(data)
+                while data and not unpacker.eof:
+                    size += len(unpacker.decompress(data, 1 << 20))
+                    limits.check_bytes(size, unpacked=True, known=False)
+                    data = unpacker.unconsumed_tail
+
+
+def read_matlab(file: Path, _wanted: set[str], limits: Limits) -> Log:
     """MATLAB files: up to 7.2 with scipy, 7.3 with mat73. Structures are dotted paths, columns of matrices A(:,2)."""
     with open(file, "rb") as stream:
         new = b"MATLAB 7.3" in stream.read(128)
-    if new:
-        data = load("mat73", f"{file.name}: MATLAB 7.3").loadmat(str(file))
-    else:
-        data = load("scipy.io", f"{file.name}: MATLAB").loadmat(file, simplify_cells=True)
+    try:
+        data = loaded(file, new, limits)
+    except ImportFailed as error:
+        raise ImportFailed(f"{file}: {error}") from error
     flat: dict[str, Callable[[], np.ndarray]] = {}
     broken: dict[str, str] = {}
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from importing.known_names import OURS, Suggestion, looks_like_time, snippet
 from importing.log import Log, said
+from importing.progress import followed
 
 
 @dataclass
@@ -51,7 +52,7 @@ def table_clock(log: Log, column: str | None, unit: str | None) -> tuple[str | N
 def entries(log: Log, times: np.ndarray | None, clock: str | None) -> tuple[list[Entry], dict[str, str]]:
     """Columns that can be read, and the others with the reason."""
     found, broken = [], dict(log.broken)
-    for name in log.names:
+    for name in followed(log.names, len(log.names), f"reading the columns of {log.file.name}"):
         if name == clock and times is not None:
             known = times[np.isfinite(times)]
             found.append(entry(name, "s", rate_of(times), known))

@@ -6,6 +6,7 @@ import re
 from difflib import get_close_matches
 from pathlib import Path
 
+from importing.limits import MEGABYTE, TEXT, check_kind
 from importing.log import ImportFailed, Log, load
 from importing.units import OURS, TIMES, UNITS, split_unit, unit_of
 
@@ -38,7 +39,11 @@ def read_mapping(file: Path) -> dict:
     except ImportError:  # Python 3.10
         tomllib = load("tomli", f"{file}: reading TOML before Python 3.11")
     try:
+        if check_kind(file) > TEXT:
+            raise ImportFailed(f"it is larger than {TEXT // MEGABYTE} MB, and no mapping file")
         mapping = tomllib.loads(file.read_text(encoding="utf-8-sig"))
+    except ImportFailed as error:
+        raise ImportFailed(f"{file}: {error}") from error
     except OSError as error:
         raise ImportFailed(f"{file}: {error.strerror}; see scripts/import_examples/") from error
     except UnicodeDecodeError as error:

@@ -7,55 +7,25 @@ from __future__ import annotations
 
 import csv
 import gzip
-import math
 import re
+from array import array
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from importing import clock
+from importing.columns import Cells, Layout, columns_of, padded
+from importing.limits import LONGEST_NAME, Limits
 from importing.log import ImportFailed, Log, Series
-from importing.text import SAMPLE, read_lines
+from importing.number import has_comma, has_point, is_gap, is_value
+from importing.progress import followed
+from importing.text import SAMPLE, Text, is_comment, is_row, split
 from importing.units import looks_like_unit, reads_like_unit, split_unit
 
 DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
-COMMENTS = ("#", "%", "//")
-
-# Python's float() takes 1_000 and words like infinity; a log's number is digits.
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
-_COMMA_NUMBER = re.compile(r"[+-]?(?:\d+,\d*|,\d+)(?:[eEdD][+-]?\d+)?")
-_PLAIN = re.compile(r"[0-9.eE+-]*")
-_GAPS = {"", "nan", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "---", "?", "inf", "+inf", "-inf", "-nan",
-         "infinity", "-infinity", "1.#qnan", "-1.#ind", "1.#inf", "nan(ind)", "-nan(ind)"}  # fmt: skip
-
-
-def split(line: str, delimiter: str) -> list[str]:
-    """Fields of one line; outer blanks do not count."""
-    if delimiter == " ":
-        return [cell for cell in next(csv.reader([" ".join(line.split())], delimiter=" "), []) if cell]
-    return [unquoted(cell) for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
-
-
-def unquoted(cell: str) -> str:
-    """A field without blanks and single quotes around it; double quotes are the reader's."""
-    cell = cell.strip()
-    return cell[1:-1].strip() if len(cell) > 1 and cell[0] == cell[-1] == "'" else cell
-
-
-def is_gap(cell: str) -> bool:
-    return cell.lower() in _GAPS
-
-
-def is_value(cell: str) -> bool:
-    """Whether a field is a number or a time stamp."""
-    return bool(_NUMBER.fullmatch(cell) or _COMMA_NUMBER.fullmatch(cell)) or clock.is_stamp(cell)
-
-
-def is_comment(line: str) -> bool:
-    return line.lstrip().startswith(COMMENTS)
 
 
 def find_delimiter(lines: list[str]) -> str:
@@ -72,26 +42,6 @@ def find_delimiter(lines: list[str]) -> str:
         if values and score > best:
             best, choice = score, delimiter
     return choice or "\0"  # one column: a delimiter that never comes
-
-
-@dataclass
-class Cells:
-    """One column as it is read: numbers, and what is none with its row."""
-
-    numbers: list[float] = field(default_factory=list)
-    odd: dict[int, str] = field(default_factory=dict)
-
-
-@dataclass
-class Layout:
-    """Where a table's names, units and numbers stand."""
-
-    delimiter: str
-    names: list[str]
-    units: list[str]
-    begin: int  # first line of numbers
-    width: int
-    notes: list[str]
 
 
 class Shape:
@@ -127,15 +77,14 @@ def trimmed(row: list[str]) -> list[str]:
     return row[:end]
 
 
-def find_layout(lines: list[str], wanted: set[str], delimiter: str = "") -> Layout:
+def find_layout(text: Text, wanted: set[str], delimiter: str = "") -> Layout:
     """Names, units and the first line of numbers."""
-    body = [line for line in lines if line.strip() and not is_comment(line)]
-    if not body:
+    lines, sample = text.head, text.sample
+    if not sample:
         raise ImportFailed("it is empty")
-    delimiter = delimiter or find_delimiter(body[-SAMPLE:])
+    delimiter = delimiter or find_delimiter(sample)
     # A short file's sample holds its header, too: the rows with the most values speak for it.
-    sample = body[-SAMPLE:]
-    if len(body) <= SAMPLE:
+    if text.rows <= SAMPLE:
         share = [sum(map(is_value, split(line, delimiter))) for line in sample]
         sample = [line for line, count in zip(sample, share) if count >= 0.5 * max(share)]
     shape = Shape(sample, delimiter)
@@ -145,11 +94,11 @@ def find_layout(lines: list[str], wanted: set[str], delimiter: str = "") -> Layo
     notes = [f"delimiter: {DELIMITERS[delimiter]}"] if delimiter in DELIMITERS and delimiter != "," else []
     rows = header_rows(lines[:begin], shape)
     if not rows:
-        above = next((i for i in reversed(range(begin)) if lines[i].strip() and not is_comment(lines[i])), None)
+        above = next((i for i in reversed(range(begin)) if is_row(lines[i])), None)
         count = 0 if above is None else len(split(lines[above], delimiter))
         if count == 1 and shape.used == 2 and delimiter == ",":
             # One column of numbers with a decimal comma.
-            return find_layout(lines, wanted, "\0")
+            return find_layout(text, wanted, "\0")
         foreign = above is not None and any(other in lines[above] for other in ",;\t|" if other != delimiter)
         if (count > 1 or foreign) and not any(map(is_value, split(lines[above], delimiter))):
             raise ImportFailed(unlike(begin, shape.used, above, count))
@@ -177,17 +126,16 @@ def unlike(begin: int, fields: int, line: int, names: int) -> str:
     )
 
 
-def padded(row: list[str], width: int) -> list[str]:
-    return (row + [""] * width)[:width]
-
-
 def first_row(lines: list[str], shape: Shape) -> int:
     """The first line of numbers: others follow it."""
-    places = [i for i, line in enumerate(lines) if line.strip() and not is_comment(line)]
+    places = [i for i, line in enumerate(lines) if is_row(line)]
     for at, place in enumerate(places):
         if all(shape.fits(lines[i]) for i in places[at : at + 5]):
             return place
-    return next(place for place in places if shape.fits(lines[place]))
+    for place in places:
+        if shape.fits(lines[place]):
+            return place
+    raise ImportFailed(f"no rows of numbers were found in its first {len(lines)} lines")
 
 
 def header_rows(lines: list[str], shape: Shape) -> list[tuple[int, list[str]]]:
@@ -243,107 +191,14 @@ def is_units_row(row: list[str]) -> bool:
     return bool(filled) and sum(map(looks_like_unit, filled)) > 0.5 * len(filled)
 
 
-def columns_of(lines: list[str], layout: Layout, comma: bool) -> tuple[list[Cells], list[int], list[str]]:
-    """Cells of each column, the line of each row, and notes on what was left out."""
-    count = len(layout.names)
-    columns = [Cells() for _ in range(count)]
-    places: list[int] = []
-    skipped: list[int] = []
-    long: list[int] = []
-    short: list[int] = []
-    chunk: list[list[str]] = []
-
-    def convert() -> None:
-        for column, cells in zip(columns, zip(*chunk)):
-            start = len(column.numbers)
-            if not comma and _PLAIN.fullmatch("".join(cells)) and not any(map(clock.is_compact, cells)):
-                try:
-                    column.numbers += map(float, cells)
-                    continue
-                except ValueError:
-                    del column.numbers[start:]
-            for row, cell in enumerate(cells, start):
-                value = number(cell, comma)
-                column.numbers.append(math.nan if value is None else value)
-                if value is None:
-                    column.odd[row] = cell
-        chunk.clear()
-
-    for place, cells in rows_of(lines, layout):
-        if (len(cells) > count and any(cells[count:])) or (layout.delimiter == " " and len(cells) != count):
-            # Between blanks an empty field leaves no trace.
-            long.append(place + 1)
-            continue
-        row = padded(cells, count)
-        if not any(is_value(cell) for cell in row):
-            if any(row):
-                skipped.append(place + 1)
-            continue
-        if len(cells) < count:
-            short.append(place + 1)
-        places.append(place + 1)
-        chunk.append(row)
-        if len(chunk) == 5000:
-            convert()
-    if chunk:
-        convert()
-    if len(long) > max(1, 0.01 * len(places)):
-        raise ImportFailed(
-            f"line {long[0]} has other fields than the {count} names (in all {len(long)} lines): which column is which "
-            "cannot be told (a decimal comma in a file with commas between its fields?)"
-        )
-    notes = []
-    if long:
-        notes.append(
-            f"{lines_of(len(long))} left out, for other fields than there are names; the first is line {long[0]}"
-        )
-    if short:
-        notes.append(
-            f"{lines_of(len(short))} with fewer fields than there are names, whose others are gaps; the first is line "
-            f"{short[0]}"
-        )
-    if skipped:
-        notes.append(f"{lines_of(len(skipped))} without numbers left out, the first is line {skipped[0]}")
-    return columns, places, notes
-
-
-def lines_of(count: int) -> str:
-    return "1 line" if count == 1 else f"{count} lines"
-
-
-def rows_of(lines: list[str], layout: Layout) -> Iterator[tuple[int, list[str]]]:
-    """Rows of numbers with their line."""
-    for place in range(layout.begin, len(lines)):
-        line = lines[place]
-        if line and not line.isspace() and not is_comment(line):
-            if '"' in line or "'" in line or layout.delimiter == " ":
-                yield place, split(line, layout.delimiter)
-            else:
-                yield place, [cell.strip() for cell in line.split(layout.delimiter)]
-
-
-def number(cell: str, comma: bool) -> float | None:
-    """A field as a number, a gap as NaN, anything else as None."""
-    if is_gap(cell):
-        return math.nan
-    if clock.is_compact(cell):
-        return None
-    if comma and _COMMA_NUMBER.fullmatch(cell):
-        cell = cell.replace(",", ".")
-    if _NUMBER.fullmatch(cell):
-        return float(cell.replace("D", "e").replace("d", "e"))
-    return None
-
-
-def has_decimal_comma(lines: list[str], layout: Layout) -> bool:
+def has_decimal_comma(text: Text, layout: Layout) -> bool:
     """Whether numbers are written with a comma. Points in other numbers speak against it."""
     commas, points = 0, 0
-    for at, (_, row) in enumerate(rows_of(lines, layout)):
-        if at == 5 * SAMPLE:
-            break
-        for cell in row:
-            commas += _COMMA_NUMBER.fullmatch(cell) is not None
-            points += "." in cell and _NUMBER.fullmatch(cell) is not None
+    rows = (line for line in text.head[layout.begin :] if is_row(line))
+    for line in islice(rows, 5 * SAMPLE):
+        for cell in split(line, layout.delimiter):
+            commas += has_comma(cell)
+            points += has_point(cell)
     return commas > 0 and points == 0
 
 
@@ -359,40 +214,44 @@ def distinct(names: list[str]) -> tuple[list[str], set[str]]:
     return result, twice
 
 
-def read_table(file: Path, wanted: set[str]) -> Log:
+def read_table(file: Path, wanted: set[str], limits: Limits) -> Log:
     """A text table; `wanted` are the names that the mapping asks for."""
     try:
-        lines, encoding = read_lines(file)
-        layout = find_layout(lines, wanted)
-        comma = has_decimal_comma(lines, layout)
-        columns, places, notes = columns_of(lines, layout, comma)
+        text = Text(file, limits)
+        layout = find_layout(text, wanted)
+        limits.check_columns(len(layout.names))
+        if long := next((name for name in layout.names if len(name) > LONGEST_NAME), None):
+            raise ImportFailed(f"the name '{long[:40]}...' of a column has more than {LONGEST_NAME} letters")
+        comma = has_decimal_comma(text, layout)
+        read = columns_of(text, layout, comma, limits)
     except csv.Error as error:
         raise ImportFailed(f"{file}: {error}") from error
     except ImportFailed as error:
         raise ImportFailed(f"{file}: {error}") from error
-    notes = layout.notes + (["decimal comma"] if comma else []) + notes
+    places, encoding = read.places, text.called
+    notes = layout.notes + (["decimal comma"] if comma else []) + read.notes()
     if encoding:
         notes.insert(0, f"encoding: {encoding}")
     names, twice = distinct(layout.names)
+    there = set(names)
     table: dict[str, Cells] = {}
     units, broken, aliases = {}, {}, {}
-    for raw, name, unit, column in zip(layout.names, names, layout.units, columns):
-        if not raw and not np.isfinite(column.numbers).any() and not column.odd:
+    for raw, name, unit, column in zip(layout.names, names, layout.units, read.cells()):
+        if not raw and not column.known and not column.odd:
             continue  # after a delimiter at the end of each line
         bare, own = split_unit(raw)
         if stated := own if reads_like_unit(own) else unit.strip().strip("[]()").strip():
             units[name] = stated
-        if own and bare not in names:
+        if own and bare not in there:
             aliases[bare] = "" if bare in aliases else name
         table[name] = column
-        filled = int(np.isfinite(column.numbers).sum()) + len(column.odd)
-        if len(column.odd) > 0.01 * filled and not is_marked(column):
-            row, cell = next(iter(column.odd.items()))
+        if len(column.odd) > 0.01 * (column.known + len(column.odd)) and not is_marked(column):
+            row, cell = column.odd.first()
             broken[name] = f"'{cell}' in line {places[row]} is no number"
-            if not comma and _COMMA_NUMBER.fullmatch(cell):
+            if not comma and has_comma(cell):
                 broken[name] += ": a comma beside points in other columns may be decimal or part thousands"
         elif column.odd:
-            row, cell = next(iter(column.odd.items()))
+            row, cell = column.odd.first()
             count = "1 field is no number" if len(column.odd) == 1 else f"{len(column.odd)} fields are no numbers"
             notes.append(f"'{name}': {count} and left out: '{cell}' in line {places[row]}")
     if twice:
@@ -401,37 +260,42 @@ def read_table(file: Path, wanted: set[str]) -> Log:
     def time(name: str, unit: str | None) -> np.ndarray:
         column = table[name]
         where = f"{file}: [time] column = '{name}'"
-        if len(column.odd) <= 0.01 * np.isfinite(column.numbers).sum():
-            times, note = clock.of_numbers(np.array(column.numbers), unit, units.get(name, ""), name)
+        if len(column.odd) <= 0.01 * column.known:
+            times, note = clock.of_numbers(column.numbers, unit, units.get(name, ""), name)
             if note:
                 log.notes.append(f"time '{name}': {note}")
             return times
-        stamps = list(column.odd.items())
-        if np.isfinite(column.numbers).any():
-            row, cell = stamps[0]
-            raise ImportFailed(f"{where}: '{cell}' in line {places[row]} is no number, and others are")
-        times = np.full(len(column.numbers), np.nan)
-        rows = [row for row, _ in stamps]
-        times[rows] = clock.of_stamps([cell for _, cell in stamps], where, [places[row] for row in rows])
+        row, first = column.odd.first()
+        if column.known:
+            raise ImportFailed(f"{where}: '{first}' in line {places[row]} is no number, and others are")
+        times = np.full(len(places), np.nan)
+        rows = np.frombuffer(column.odd.rows, "int64")
+        stamps = followed(column.odd, len(column.odd), f"reading the time stamps of {file.name}")
+        times[rows] = clock.of_stamps(stamps, where, lines_of(places, column.odd.rows))
         if unit is not None:
-            log.notes.append(f"time '{name}': time stamps like '{stamps[0][1]}' have no unit; '{unit}' is not used")
+            log.notes.append(f"time '{name}': time stamps like '{first}' have no unit; '{unit}' is not used")
         return times
 
     log = Log(
-        file, list(table), lambda name: Series(None, np.array(table[name].numbers)), time, units, broken,
+        file, list(table), lambda name: Series(None, table[name].numbers), time, units, broken,
         {bare: name for bare, name in aliases.items() if name}, notes,
     )  # fmt: skip
     return log
 
 
+def lines_of(places: array, rows: array) -> Iterable[int]:
+    """The lines of some rows."""
+    return (places[row] for row in rows)
+
+
 def is_marked(column: Cells) -> bool:
     """Whether what is no number is a word for a gap, such as 'SNA', among numbers."""
-    words = set(column.odd.values())
-    return (
-        len(words) <= 2
-        and not any(letter.isdigit() for word in words for letter in word)
-        and np.isfinite(column.numbers).sum() > len(column.odd)
-    )
+    words: set[str] = set()
+    for word in column.odd if column.known > len(column.odd) else ():
+        words.add(word)
+        if len(words) > 2:
+            return False
+    return bool(words) and not any(letter.isdigit() for word in words for letter in word)
 
 
 def opened(file: Path, mode: str, packed: bool | None = None):

@@ -18,6 +18,7 @@
 //! | every signal inside its gate | the measurement goes on as it is, bit by bit |
 //! | a signal outside, or no number | the filter's estimate from the others replaces it: *bridged* |
 //! | the pose, or all of it, to the bit as a step before, in motion | stale: bridged, and never a contradiction |
+//! | the place alone to the bit as a step before, in motion | the same of the place: a receiver slower than the other sensors |
 //! | a rate that rests to the bit while its pose goes on (`resting.rs`) | dead: the same, until it changes |
 //! | signals contradict one another from the start on | the same, steered by what they say |
 //! | outside for `guard.bridge_time`, but a motion of its own, on the road or from standstill | the host has moved the vehicle: a new start |
@@ -28,7 +29,7 @@
 //! is none. Signals that
 //! are all zero are no motion; a dead sensor looks like that. A vehicle in motion is not accepted anew beside its road
 //! either. Its position jumps, and steering back from there would leave the road. Bridging what contradicts needs some
-//! steps that agree; until then each measurement is a first one, for as long as a gap may last.
+//! steps that agree; until then each measurement that contradicts is a new start, for as long as a gap may last.
 //!
 //! | file | idea |
 //! |---|---|
@@ -80,8 +81,9 @@ const NAMED: [&Signal; SIGNALS] = [
     &signal::ARTICULATION,
     &signal::ARTICULATION_RATE,
 ];
-/// The signals of the pose.
+/// The signals of the pose, and those of its place.
 const POSE: Range<usize> = 0..3;
+const PLACE: Range<usize> = 0..2;
 /// The first signal that only some vehicles have.
 const ARTICULATION: usize = 6;
 
@@ -115,7 +117,15 @@ const LARGEST_DRIFT: f64 = 2.0;
 #[derive(Debug, Clone, Copy)]
 struct OldSignals {
     all: bool,
+    /// Place and yaw.
     pose: bool,
+    place: bool,
+}
+
+impl OldSignals {
+    fn has(self, signal: usize) -> bool {
+        self.all || POSE.contains(&signal) && self.pose || PLACE.contains(&signal) && self.place
+    }
 }
 
 /// True if every signal is a number.
@@ -280,14 +290,16 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         }
         let all = believed.iter().all(|believed| *believed);
         if contradicts && finite && state.agreed < ESTABLISHED {
-            // Nothing to bridge from as yet.
+            // Nothing to bridge from as yet: what was made of the samples before holds no longer.
             let unsettled = state.unsettled + elapsed;
             self.begin(state, &told);
             state.unsettled = unsettled;
             state.stops |= unsettled > self.parameters.stop_time;
-            return Ok(if self.is_unsettled(state) { Judgement::Bridged } else { Judgement::Believed });
+            return Ok(if self.is_unsettled(state) { Judgement::Bridged } else { Judgement::Moved });
         }
-        if !contradicts && !stale.all {
+        // Inputs that nobody has written yet are all zero, as a vehicle is that stands at the origin: neither is to hold on to.
+        let says_something = told.iter().any(|value| *value != 0.0);
+        if !contradicts && !stale.all && says_something {
             state.agreed = state.agreed.saturating_add(1);
             if state.agreed >= ESTABLISHED {
                 state.unsettled = 0.0;
@@ -301,7 +313,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             let lives = state.dead_pose.is_none() && !state.resting.has_dead();
             // A host that moves a truck moves more than its trailer.
             let elsewhere = !believed[..ARTICULATION].iter().all(|believed| *believed);
-            let there = finite && elsewhere && (!stale.pose || stands) && lives;
+            let there = finite && elsewhere && (!stale.place || stands) && lives;
             state.candidate = self.candidate(state.candidate, &told, there, elapsed, scale, &state.spread);
             if let Some(candidate) = &mut state.candidate {
                 candidate.carried |= carried;
@@ -363,12 +375,13 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         let speed = (speed + accel * elapsed).max(0.0);
         state.asked = if unchanged { [speed, way + speed * elapsed] } else { [0.0; 2] };
         let all = unchanged && (moves_on || state.asked[1] > SETS_OUT);
-        let frozen_pose = told[3].hypot(told[4]) * elapsed > MOVES && same(POSE);
-        let stale = OldSignals { all, pose: all || frozen_pose };
+        let drives = told[3].hypot(told[4]) * elapsed > MOVES;
+        let (frozen_pose, frozen_place) = (drives && same(POSE), drives && same(PLACE));
+        let stale = OldSignals { all, pose: all || frozen_pose, place: all || frozen_place };
         let pose = [told[0], told[1], told[2]];
         state.dead_pose = if frozen_pose { Some(pose) } else { state.dead_pose.filter(|dead| *dead == pose) };
         state.waited += elapsed;
-        if finite && !stale.pose {
+        if finite && !stale.place {
             if let Some(before) = state.placed {
                 self.learn_scale(&mut state.ways, &before, told, state.waited);
             }
@@ -395,8 +408,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             let off = difference(i, told[i], track.mean[i]);
             let units = off * off / (track.covariance[(i, i)] + self.noise[i]);
             let spread = state.spread[i].clamp(1.0, LARGEST_SPREAD);
-            let old =
-                if POSE.contains(&i) { stale.pose } else { stale.all || state.resting.is_dead(i, told) };
+            let old = stale.has(i) || state.resting.is_dead(i, told);
             *believed = !old && units <= GATE * GATE * spread;
             contradicts |= !old && !*believed;
             if *believed {
@@ -409,7 +421,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             for i in POSE {
                 variance[i] *= state.spread[i].clamp(1.0, LARGEST_SPREAD);
             }
-            state.resting.observe(told, !stale.pose, &variance, self.yaw_accel, elapsed);
+            state.resting.observe(told, !stale.place, &variance, self.yaw_accel, elapsed);
         }
         (believed, contradicts)
     }

@@ -2,7 +2,8 @@
 //!
 //! - no panic crosses (it becomes an error and state "error");
 //! - a component that is NULL, not of ours or freed is refused as far as its memory can be read (a mark is checked);
-//! - two calls of one instance at a time (two threads, or a call out of the logger) are refused, not raced;
+//! - two calls of one instance at a time (two threads, or a call out of the logger) are refused, not raced, and a refusal's
+//!   own message is told once;
 //! - memory is our own: a host's functions for it are never called;
 //! - there is no global state: instances are independent, in any number, on any threads.
 //!
@@ -32,6 +33,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 pub struct Handle<M: Model> {
     mark: AtomicU64,
     busy: AtomicBool,
+    /// A refusal is being told. What a logger does with it is refused without a word, or it would go on for ever.
+    telling: AtomicBool,
     /// For complaints while the instance is busy.
     logger: Logger,
     version: &'static Version,
@@ -59,9 +62,15 @@ impl<M: Model> Handle<M> {
 
     fn refuse(&self, refusal: &CallError, prefix: &str) -> Status {
         let status = refusal.status();
-        let message = format!("{prefix}{}", refusal.message(self.version));
-        self.logger.tell(status, status_category(status), &message);
+        self.tell(status, &format!("{prefix}{}", refusal.message(self.version)));
         status
+    }
+
+    fn tell(&self, status: Status, message: &str) {
+        if !self.telling.swap(true, Ordering::Acquire) {
+            self.logger.tell(status, status_category(status), message);
+            self.telling.store(false, Ordering::Release);
+        }
     }
 }
 
@@ -227,6 +236,7 @@ pub unsafe fn instantiate<M: Model>(request: Request<'_>) -> Component {
         Ok(Handle {
             mark: AtomicU64::new(ALIVE),
             busy: AtomicBool::new(false),
+            telling: AtomicBool::new(false),
             logger: logger.clone(),
             version,
             instance: UnsafeCell::new(instance),
@@ -248,7 +258,7 @@ pub unsafe fn free<M: Model>(component: Component, function: &str) {
     let Some(handle) = (unsafe { Handle::<M>::find(component) }) else { return };
     if handle.busy.swap(true, Ordering::Acquire) {
         let message = format!("{function}: a call of this instance is still running; it is not freed.");
-        handle.logger.tell(Status::Error, status_category(Status::Error), &message);
+        handle.tell(Status::Error, &message);
         return;
     }
     handle.mark.store(0, Ordering::Release);

@@ -62,10 +62,13 @@ fn leave_out_of(log: &mut LogRows, names: &[&'static str]) {
             .map(|stretch| (values[stretch.start], stretch))
             .collect();
         for (value, stretch) in found {
+            let ends = log.spans.iter().any(|span| span.end == stretch.end);
             let words = format!(
-                "{name} stays at {value:.4} from row {} to row {} and jumps then: frozen; left out, like missing values",
+                "{name} {} {value:.4} from row {} to row {}{}: frozen; left out, like missing values",
+                if ends { "jumps and stays at" } else { "stays at" },
                 log.number(stretch.start),
-                log.number(stretch.end - 1)
+                log.number(stretch.end - 1),
+                if ends { "" } else { " and jumps then" }
             );
             log.find(FindingSeverity::Warning, name, words);
             log.leave_out(name, stretch);

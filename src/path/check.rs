@@ -94,7 +94,9 @@ fn measured_and_drawn(
 }
 
 fn measured(samples: &[(usize, Sample)], accuracy: Accuracy) -> Option<PointNoise> {
-    let points: Vec<Vector> = samples.iter().map(|(_, sample)| [sample.x, sample.y]).collect();
+    let mut points: Vec<Vector> = samples.iter().map(|(_, sample)| [sample.x, sample.y]).collect();
+    // A receiver slower than its log repeats its points: no smoother road, but fewer points.
+    points.dedup_by(|point, before| distance(*point, *before) < SAME);
     PointNoise::measure(&points, accuracy.coarse_step())
 }
 

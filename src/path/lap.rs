@@ -1,7 +1,9 @@
 //! Order of a road's rows by their stations: they rise, and start anew where a lap ends.
 //!
 //! The log of a closed road has stations that fall by about a lap's length at the lap's end, while the vehicle drives
-//! on. One lap is the road: from the first row to the row, after the fall, that is as far as the first.
+//! on. One lap is the road: from the first row to the row, after the fall, that is as far as the first. The vehicle has driven
+//! about as far as the stations fall by then, and is back where it began, or on its way there; else stations start anew for
+//! another reason, such as files that were joined, or are wrong.
 
 use super::spline::{Vector, distance};
 
@@ -9,8 +11,10 @@ use super::spline::{Vector, distance};
 const SAME: f64 = 1e-6;
 /// Distance over the largest before it, at which a vehicle has still driven on from row to row.
 const DRIVES_ON: f64 = 2.0;
-/// Share of the stations' span that a lap's end falls by.
+/// Share of the stations' span that a lap's end falls by, and of the rise before it that the vehicle has driven.
 const MOST: f64 = 0.5;
+/// Distance between the lines of two laps, in m: roads are no wider, and receivers no worse.
+const BESIDE: f64 = 15.0;
 
 /// A row's station against those before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,19 +33,32 @@ pub(super) enum Progress {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stations {
     first: f64,
+    begin: Vector,
     least: f64,
     /// The newest station and its point; none before the first.
     newest: Option<(f64, Vector)>,
     /// Largest step of the stations, and of the points.
     step: f64,
     way: f64,
+    /// Way driven, m.
+    driven: f64,
     anew: bool,
     beyond: bool,
 }
 
 impl Stations {
     pub fn new() -> Self {
-        Self { first: 0.0, least: 0.0, newest: None, step: 0.0, way: 0.0, anew: false, beyond: false }
+        Self {
+            first: 0.0,
+            begin: [0.0; 2],
+            least: 0.0,
+            newest: None,
+            step: 0.0,
+            way: 0.0,
+            driven: 0.0,
+            anew: false,
+            beyond: false,
+        }
     }
 
     /// The newest station.
@@ -53,6 +70,7 @@ impl Stations {
     pub fn take(&mut self, station: f64, point: Vector) -> Progress {
         let Some((before, last)) = self.newest else {
             (self.first, self.least, self.newest) = (station, station, Some((station, point)));
+            self.begin = point;
             return Progress::Rises;
         };
         if self.beyond {
@@ -62,13 +80,16 @@ impl Stations {
         let stands = rise.abs() <= SAME && way <= SAME;
         if rise <= 0.0 && !stands {
             let ends = -rise > MOST * (before - self.least) && station <= self.least + self.step;
-            if self.anew || !ends || way > DRIVES_ON * self.way {
+            let left = (self.first - station).abs() + DRIVES_ON * self.way + BESIDE;
+            let is_back = self.driven > MOST * (before - self.first) && distance(point, self.begin) <= left;
+            if self.anew || !ends || !is_back || way > DRIVES_ON * self.way {
                 return Progress::Falls;
             }
             self.anew = true;
         } else {
             (self.step, self.way) = (self.step.max(rise), self.way.max(way));
         }
+        self.driven += way;
         let falls = rise < 0.0 && !stands;
         self.least = self.least.min(station);
         self.newest = Some((station, point));
@@ -113,6 +134,13 @@ mod tests {
         assert_eq!(of(&[0.0, 1.0, 3.0, 2.0])[3], Progress::Falls);
         assert_eq!(of(&[0.0, 1.0, 2.0, 3.0, 0.5])[4], Progress::Falls);
         assert_eq!(of(&[5.0, 4.0])[1], Progress::Falls);
+        // Files that were joined, and one wrong station: the points drive straight on.
+        let on = |station: fn(u32) -> f64| {
+            let mut order = Stations::new();
+            (0..300).map(|i| order.take(station(i), [f64::from(i), 0.0])).collect::<Vec<_>>()
+        };
+        assert_eq!(on(|i| f64::from(i % 200))[200], Progress::Falls);
+        assert_eq!(on(|i| if i == 100 { 500.0 } else { f64::from(i) })[101], Progress::Falls);
         // A vehicle that stands.
         assert_eq!(of(&[0.0, 1.0, 1.0, 2.0])[2], Progress::Rises);
     }
