@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from statsmodels.stats.proportion import proportion_confint
 
-from .effects import OF, OF_TRUCKS, TOLERANCES
+from .effects import FACTORS, OF, OF_TRUCKS, TOLERANCES
 
 # A class of more members names nothing.
 LARGEST_CLASS = 4
@@ -178,6 +178,27 @@ def covered(label: dict, report: dict) -> list[bool]:
     return [e["low"] <= true_value(label, e) <= e["high"] for e in effects if e["id"] in label["causes"]]
 
 
+# What an effect stands for where a vehicle has it without anything having been put in: a heavier one has a load.
+OWN_NUMBER = {"payload": "mass", "trailer_payload": "trailer_mass"}
+
+
+def wrong_names(label: dict, report: dict) -> list[bool]:
+    """For each effect that was named and not put in: whether the unit's own number is clearly off, to that side.
+
+    A wild unit may be ten tolerances off by itself. Who names it is right about the vehicle, not about the label.
+    """
+    known = TOLERANCES | (OF_TRUCKS if label["truck"] else {})
+    found = []
+    for effect in report["verdict"]["effects"] if kind(report) == "effect" else []:
+        if effect["id"] in label["causes"]:
+            continue
+        own = OWN_NUMBER.get(effect["id"], effect["id"])
+        there = label.get("background", {}).get(own)
+        off = 0.0 if there is None or own not in known else (there - (own in FACTORS)) / known[own]
+        found.append(abs(off) >= CLEAR and (effect["value"] - OF[effect["id"]].neutral) * off > 0.0)
+    return found
+
+
 def stage_right(label: dict, report: dict) -> bool:
     """Whether the gap was found to enter at the stage of (one of) the causes."""
     return report.get("stage") in {STAGE_OF[cause] for cause in label["causes"]}
@@ -260,6 +281,7 @@ def score(labels: list[dict], reports: list[dict]) -> dict:
     pairs = [(a, b) for a, b in zip(labels, reports) if a["kind"] == "pair"]
     named_ones = [b for a, b in zip(labels, reports) if a["kind"] in ("single", "pair") and in_class(a, b)]
     seconds, used = ([b.get(key, b["seconds"]) for b in reports] for key in ("seconds", "cpu_seconds"))
+    wrong = [true for a, b in zip(labels, reports) for true in wrong_names(a, b)]
     return {
         "cases": len(labels),
         "moderate_exact": of(("single",), exact, moderate),
@@ -286,6 +308,8 @@ def score(labels: list[dict], reports: list[dict]) -> dict:
         "false_flags": of(("single", "pair", "none"), lambda a, b: kind(b) == "not_in_library"),
         "cannot_tell": of(("single", "pair", "none", "outside"), lambda a, b: kind(b) == "cannot_tell"),
         "errors": of(("single", "pair", "none", "outside"), lambda a, b: kind(b) == "error"),
+        "wrong_names": share(effect not in a["causes"] for a, b in zip(labels, reports) for effect in named(b)),
+        "wrong_names_of_unit": share(wrong),
         "ece": calibration_error(sure, right),
         "reliability": reliability(sure, right),
         "value_error": median(all_of(("single", "pair"), value_errors)),

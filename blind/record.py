@@ -52,6 +52,8 @@ FURTHER = (
     ("interval_covers", "95 % intervals hold the true value"),
     ("cannot_tell", "verdict 'cannot tell'"),
     ("errors", "no report"),
+    ("wrong_names", "names that were not put in"),
+    ("wrong_names_of_unit", "... of which the unit's own number is four tolerances off, to that side"),
 )
 
 

@@ -108,7 +108,7 @@ def test_what_a_log_shows_is_what_its_report_says():
 
 def test_shrinkage_leaves_noise_out():
     gap = {"before": 0.05, "effect": 0.05, "recalibrated": 0.03, "noise": 0.03}
-    found = report("effect", shrink={"open_loop": {"yaw_rate": gap}})
+    found = report("effect", gap_reduction={"open_loop": {"yaw_rate": gap}})
     assert measures.shrinkage(found) == pytest.approx(1.0)
     assert measures.shrinkage(found, stage="effect") == pytest.approx(0.0)
     assert measures.shrinkage(report("none")) is None
@@ -152,3 +152,18 @@ def test_how_clear_a_case_is():
     assert (
         score["clear_pair"]["count"] == 1 and score["clear_pair"]["hits"] == 0 and score["clear_single"]["count"] == 0
     )
+
+
+def test_a_name_that_was_not_put_in_may_be_true_of_the_unit():
+    # A lever arm has 5 cm of tolerance, a mass 3 %.
+    background = {"imu_lever_arm": -0.48, "mass": 1.2, "drag": 1.0}
+    unit = label("none", background=background)
+    named = [("imu_lever_arm", -0.4, []), ("payload", 250.0, []), ("drag", 1.8, []), ("steer_backlash", 0.01, [])]
+    assert measures.wrong_names(unit, report("effect", *named)) == [True, True, False, False]
+    # The other side, and what was put in.
+    assert measures.wrong_names(unit, report("effect", ("imu_lever_arm", 0.4, []))) == [False]
+    put_in = label("single", "imu_lever_arm", background=background)
+    assert measures.wrong_names(put_in, report("effect", ("imu_lever_arm", -0.4, []))) == []
+    found = measures.score([unit, put_in], [report("effect", *named), report("effect", ("imu_lever_arm", -0.4, []))])
+    assert (found["wrong_names"]["hits"], found["wrong_names"]["count"]) == (4, 5)
+    assert (found["wrong_names_of_unit"]["hits"], found["wrong_names_of_unit"]["count"]) == (2, 4)
