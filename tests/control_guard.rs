@@ -529,6 +529,23 @@ fn sensors_slower_than_the_controller_are_bridged_and_when_they_die_the_vehicle_
     }
 }
 
+/// One wrong channel of the pose shortens its way, which is no scale of the speed to steer the stop by.
+#[test]
+fn a_wrong_channel_of_the_pose_teaches_no_scale() {
+    let wrong: [(&str, f64, Fault); 3] = [
+        ("yaw", 1.0, |told, _, _| told.yaw += 0.6),
+        ("yaw the other way", 2.0, |told, _, _| told.yaw -= 0.7),
+        ("y stays", 0.2, |told, before, _| told.y = before.y),
+    ];
+    for (name, length, fault) in wrong {
+        for station in STATIONS {
+            let outcome = drive(26.0, station, length, fault, 8.0, 0.0);
+            let allowed = if length < 0.5 { 0.5 } else { 2.0 };
+            assert!(outcome.error < allowed, "{name} at {station} m: {:.3} m", outcome.error);
+        }
+    }
+}
+
 /// A host's outputs are zero until they are first written: no measurements of a vehicle in motion.
 #[test]
 fn a_vehicle_in_motion_whose_first_samples_are_zero_drives_on() {

@@ -451,10 +451,13 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
     /// Learns by how much the poses go on faster than the velocities say.
     fn learn_scale(&self, ways: &mut [f64; 2], before: &Signals, told: &Signals, elapsed: f64) {
         let (sin, cos) = (before[2] + 0.5 * wrap_angle(told[2] - before[2])).sin_cos();
-        let way = (told[0] - before[0]) * cos + (told[1] - before[1]) * sin;
-        let said = 0.5 * (before[3] + told[3]) * elapsed;
-        // A pose that jumps, or a speed that is none, is not a matter of scale.
-        if (way - said).abs() > LARGEST_SCALE * said.abs() + GATE * (2.0 * self.noise[0]).sqrt() {
+        let moved = [told[0] - before[0], told[1] - before[1]];
+        let way = moved[0] * cos + moved[1] * sin;
+        let [said, aside] = [3, 4].map(|i| 0.5 * (before[i] + told[i]) * elapsed);
+        let sideways = moved[1] * cos - moved[0] * sin - aside;
+        // A pose that jumps or slips sideways, or a speed that is none, is not a matter of scale.
+        let allowed = LARGEST_SCALE * said.abs() + GATE * (2.0 * self.noise[0]).sqrt();
+        if (way - said).abs() > allowed || sideways.abs() > allowed {
             return;
         }
         let keep = 1.0 - (elapsed / MEMORY).min(1.0);
