@@ -41,9 +41,14 @@ CLEAR = 4.0
 WITHOUT_TOLERANCE = {"steer_rate_limit", "steer_backlash", "payload", "trailer_payload", "tyre_relaxation"}
 
 
+def tolerances(label: dict) -> dict[str, float]:
+    """Tolerances of a case's vehicle."""
+    return TOLERANCES | (OF_TRUCKS if label["truck"] else {})
+
+
 def tolerances_off(label: dict) -> float:
     """How many tolerances the weakest cause is from neutral; infinite without a tolerance."""
-    known = TOLERANCES | (OF_TRUCKS if label["truck"] else {})
+    known = tolerances(label)
     of = [
         abs(label["values"][cause] - OF[cause].neutral) / known[cause]
         for cause in label["causes"]
@@ -81,9 +86,14 @@ def share(of: Iterable[bool]) -> dict:
     return {"hits": hits, "count": len(of), "share": hits / len(of) if of else None, "low": low, "high": high}
 
 
+def effects_of(report: dict) -> list[dict]:
+    """Effects that the verdict names."""
+    return report["verdict"]["effects"] if kind(report) == "effect" else []
+
+
 def named(report: dict) -> list[str]:
     """Ids that the verdict names."""
-    return [effect["id"] for effect in report["verdict"]["effects"]] if kind(report) == "effect" else []
+    return [effect["id"] for effect in effects_of(report)]
 
 
 def kind(report: dict) -> str:
@@ -103,7 +113,7 @@ def exact(label: dict, report: dict) -> bool:
 def classes(report: dict) -> list[set[str]]:
     """What each named effect may be; classes that are too large name their first member only."""
     found = []
-    for effect in report["verdict"]["effects"] if kind(report) == "effect" else []:
+    for effect in effects_of(report):
         members = set(effect.get("class") or [effect["id"]]) | {effect["id"]}
         found.append(members if len(members) <= LARGEST_CLASS else {effect["id"]})
     return found
@@ -164,7 +174,7 @@ def true_value(label: dict, effect: dict) -> float:
 def value_errors(label: dict, report: dict) -> list[float]:
     """|found - true| / |true - neutral| of the effects that were named rightly; of a rate limit against its value."""
     errors = []
-    for effect in report["verdict"]["effects"] if kind(report) == "effect" else []:
+    for effect in effects_of(report):
         if effect["id"] in label["causes"]:
             true, neutral = true_value(label, effect), OF[effect["id"]].neutral
             scale = abs(true) if effect["id"] == "steer_rate_limit" else abs(true - neutral)
@@ -174,8 +184,7 @@ def value_errors(label: dict, report: dict) -> list[float]:
 
 def covered(label: dict, report: dict) -> list[bool]:
     """Whether the 95 % intervals of what was named rightly hold the true value."""
-    effects = report["verdict"]["effects"] if kind(report) == "effect" else []
-    return [e["low"] <= true_value(label, e) <= e["high"] for e in effects if e["id"] in label["causes"]]
+    return [e["low"] <= true_value(label, e) <= e["high"] for e in effects_of(report) if e["id"] in label["causes"]]
 
 
 # What an effect stands for where a vehicle has it without anything having been put in: a heavier one has a load.
@@ -187,9 +196,9 @@ def wrong_names(label: dict, report: dict) -> list[bool]:
 
     A wild unit may be ten tolerances off by itself. Who names it is right about the vehicle, not about the label.
     """
-    known = TOLERANCES | (OF_TRUCKS if label["truck"] else {})
+    known = tolerances(label)
     found = []
-    for effect in report["verdict"]["effects"] if kind(report) == "effect" else []:
+    for effect in effects_of(report):
         if effect["id"] in label["causes"]:
             continue
         own = OWN_NUMBER.get(effect["id"], effect["id"])
@@ -281,7 +290,6 @@ def score(labels: list[dict], reports: list[dict]) -> dict:
     pairs = [(a, b) for a, b in zip(labels, reports) if a["kind"] == "pair"]
     named_ones = [b for a, b in zip(labels, reports) if a["kind"] in ("single", "pair") and in_class(a, b)]
     seconds, used = ([b.get(key, b["seconds"]) for b in reports] for key in ("seconds", "cpu_seconds"))
-    wrong = [true for a, b in zip(labels, reports) for true in wrong_names(a, b)]
     return {
         "cases": len(labels),
         "moderate_exact": of(("single",), exact, moderate),
@@ -309,7 +317,7 @@ def score(labels: list[dict], reports: list[dict]) -> dict:
         "cannot_tell": of(("single", "pair", "none", "outside"), lambda a, b: kind(b) == "cannot_tell"),
         "errors": of(("single", "pair", "none", "outside"), lambda a, b: kind(b) == "error"),
         "wrong_names": share(effect not in a["causes"] for a, b in zip(labels, reports) for effect in named(b)),
-        "wrong_names_of_unit": share(wrong),
+        "wrong_names_of_unit": share(true for a, b in zip(labels, reports) for true in wrong_names(a, b)),
         "ece": calibration_error(sure, right),
         "reliability": reliability(sure, right),
         "value_error": median(all_of(("single", "pair"), value_errors)),

@@ -64,6 +64,7 @@ from outcome import (
     write_junit,
     write_whole,
 )
+from progress import Progress
 
 PROJECT = Path(__file__).resolve().parent.parent
 FMUS = PROJECT / "target" / "fmu"
@@ -71,7 +72,6 @@ KINDS = {"car": ("RflMpc", "PassengerCar"), "truck": ("TruckRflMpc", "SemiTraile
 STEP = 0.02  # s, the controller's sampling time
 STEPS = (0.001, 0.2)  # s, range of it
 LIMIT = 1800.0  # s, a drive that has not finished by then is given up
-
 
 # fmpy expands the printf-style messages of FMUs in C and hands them to one logger in the whole process: this one, which
 # finds the list of an instance by what the instance was given as its environment.
@@ -442,30 +442,11 @@ def _loop(
     return Drive(columns, step, wall, ending.outcome == COMPLETED, messages, ending, words)
 
 
-class Progress:
-    """A bar on a terminal; elsewhere a line for each tenth, but not more often than every two seconds."""
-
-    LEAST = 2.0  # s
-
-    def __init__(self, title: str, quiet: bool = False) -> None:
-        self.title, self.quiet = title, quiet
-        self.live = sys.stderr.isatty() and not quiet
-        self.tenths, self.time = 0, time.monotonic()
+class DriveProgress(Progress):
+    """The progress of a drive: time and lateral error beside the bar."""
 
     def __call__(self, share: float, row: dict[str, float]) -> None:
-        share = min(1.0, max(0.0, share))
-        if self.live:
-            bar = f"[{'#' * round(30 * share):<30}] {100 * share:3.0f} %"
-            text = f"{self.title:<18} {bar}  t {row['time']:6.1f} s  e1 {row['e1']:+.3f} m"
-            print(f"\r{text}", end="", file=sys.stderr, flush=True)
-        elif not self.quiet and 10 * share >= self.tenths + 1 and time.monotonic() - self.time >= self.LEAST:
-            self.tenths, self.time = int(10 * share), time.monotonic()
-            print(f"{self.title}: {10 * self.tenths} %", file=sys.stderr, flush=True)
-
-    def close(self) -> None:
-        """Clears the bar."""
-        if self.live:
-            print("\r" + " " * 100 + "\r", end="", file=sys.stderr, flush=True)
+        super().__call__(share, f"  t {row['time']:6.1f} s  e1 {row['e1']:+.3f} m")
 
 
 def verdict(result: Drive) -> str:
@@ -566,7 +547,7 @@ def main() -> int:
         parser.error(str(error))
 
     name = options.path.stem if options.path else "drive"
-    progress = Progress(name, options.quiet)
+    progress = DriveProgress(name, options.quiet)
     try:
         result = drive(
             options.path,

@@ -14,7 +14,7 @@ from pathlib import Path
 import demo_learning
 import demo_page
 import numpy as np
-from closed_loop import FMUS, STEP, Drive, Progress, checks_of, drive, known, verdict
+from closed_loop import FMUS, STEP, Drive, DriveProgress, checks_of, drive, known, verdict
 from outcome import COMPLETED, STATUSES, Requirement, exit_status, figures_help, write_junit, write_whole
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -150,7 +150,7 @@ def main() -> int:
     # A road that cannot be driven keeps none of the others from its log and the page.
     routes, refused = [], 0
     for name, file in choose(options).items():
-        progress = Progress(name, options.quiet)
+        progress = DriveProgress(name, options.quiet)
         try:
             driven = drive(
                 file,

@@ -10,7 +10,7 @@ import subprocess
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from closed_loop import FMUS, Drive, Progress, drive
+from closed_loop import FMUS, Drive, DriveProgress, drive
 
 # Lag and dead time of an ordinary electric power steering, s; the controller is not told.
 STEERING = {"effect.steer_lag": 0.1, "effect.steer_delay": 0.06}
@@ -57,7 +57,7 @@ def compare(
     for name, file in routes.items():
         row = Row(name)
         for column, settings in columns(folder).items():
-            progress = Progress(f"{name}, {column}", quiet)
+            progress = DriveProgress(f"{name}, {column}", quiet)
             try:
                 row.drives[column] = drive(
                     file, vehicle, duration=duration, settings=STEERING | settings, fmus=fmus, progress=progress

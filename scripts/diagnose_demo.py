@@ -24,7 +24,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from closed_loop import FMUS, PROJECT, Progress, drive
+from closed_loop import FMUS, PROJECT, DriveProgress, drive
 
 # What may be drawn: effect, least and greatest distance from neutral, neutral, whether both signs. Moderate sizes, that
 # a driver would notice.
@@ -113,7 +113,7 @@ def main() -> int:
 
     settings = {f"car.{name}": value for name, value in drawn["background"].items()}
     settings[f"car.effect.{drawn['effect']}"] = drawn["value"]
-    progress = Progress("driving the FMUs")
+    progress = DriveProgress("driving the FMUs")
     try:
         result = drive(options.path, duration=options.duration, settings=settings, fmus=options.fmus, progress=progress)
     except (RuntimeError, ValueError, OSError) as error:

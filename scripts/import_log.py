@@ -55,9 +55,9 @@ from importing.limits import MEGABYTE, MOST, STANDARD, USUAL, Limits, check_file
 from importing.log import ImportFailed, Log, Series, said
 from importing.mapping import check_rate, read_mapping, resolve, vocabulary, wanted
 from importing.output import written
-from importing.progress import Progress, followed, word
 from importing.table import read_table
 from importing.units import UNITS, unit_of
+from progress import Progress, followed, word
 
 READERS = {
     ".csv": read_table, ".gz": read_table, ".txt": read_table, ".tsv": read_table, ".asc": read_table,

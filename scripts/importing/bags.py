@@ -7,10 +7,10 @@ from array import array
 from pathlib import Path
 
 import numpy as np
+from progress import followed
 
 from importing.limits import Limits
 from importing.log import ImportFailed, Log, Series, load, said
-from importing.progress import followed
 
 
 class Bag:

@@ -7,10 +7,10 @@ import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from progress import followed
 
 from importing.known_names import OURS, Suggestion, looks_like_time, snippet
 from importing.log import Log, said
-from importing.progress import followed
 
 
 @dataclass

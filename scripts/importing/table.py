@@ -15,13 +15,13 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
+from progress import followed
 
 from importing import clock
 from importing.columns import Cells, Layout, columns_of, padded
 from importing.limits import LONGEST_NAME, Limits
 from importing.log import ImportFailed, Log, Series
 from importing.number import has_comma, has_point, is_gap, is_value
-from importing.progress import followed
 from importing.text import SAMPLE, Text, is_comment, is_row, split
 from importing.units import looks_like_unit, reads_like_unit, split_unit
 

@@ -12,9 +12,10 @@ import io
 from collections.abc import Iterator
 from pathlib import Path
 
+from progress import Unhurried
+
 from importing.limits import LONGEST_LINE, MEGABYTE, Limits
 from importing.log import ImportFailed
-from importing.progress import Progress
 
 SAMPLE = 200  # lines from which delimiter and columns are found ...
 SAMPLE_LETTERS = 2 * MEGABYTE  # ... and their letters
@@ -123,7 +124,7 @@ class Text:
         """All lines without their ends, some at a time."""
         size = max(self.file.stat().st_size, 1)
         decoder = io.IncrementalNewlineDecoder(codecs.getincrementaldecoder(self.encoding)(), translate=True)
-        progress = Progress(f"{title} {self.file.name}")
+        progress = Unhurried(f"{title} {self.file.name}")
         rest, count, taken = "", 0, 0
         try:
             with open(self.file, "rb") as raw:

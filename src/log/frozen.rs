@@ -63,12 +63,11 @@ fn leave_out_of(log: &mut LogRows, names: &[&'static str]) {
             .collect();
         for (value, stretch) in found {
             let ends = log.spans.iter().any(|span| span.end == stretch.end);
+            let (stays, then) = if ends { ("jumps and stays", "") } else { ("stays", " and jumps then") };
             let words = format!(
-                "{name} {} {value:.4} from row {} to row {}{}: frozen; left out, like missing values",
-                if ends { "jumps and stays at" } else { "stays at" },
+                "{name} {stays} at {value:.4} from row {} to row {}{then}: frozen; left out, like missing values",
                 log.number(stretch.start),
-                log.number(stretch.end - 1),
-                if ends { "" } else { " and jumps then" }
+                log.number(stretch.end - 1)
             );
             log.find(FindingSeverity::Warning, name, words);
             log.leave_out(name, stretch);

@@ -94,9 +94,9 @@ fn measured_and_drawn(
 }
 
 fn measured(samples: &[(usize, Sample)], accuracy: Accuracy) -> Option<PointNoise> {
-    let mut points: Vec<Vector> = samples.iter().map(|(_, sample)| [sample.x, sample.y]).collect();
+    let mut points: Vec<Vector> = samples.iter().map(position).collect();
     // A receiver slower than its log repeats its points: no smoother road, but fewer points.
-    points.dedup_by(|point, before| distance(*point, *before) < SAME);
+    points.dedup_by(|point, before| distance(*before, *point) < SAME);
     PointNoise::measure(&points, accuracy.coarse_step())
 }
 
@@ -211,15 +211,9 @@ fn least_distance(smoothing: Smoothing, noisy: bool) -> Result<f64, PathError> {
 }
 
 /// The points less those that repeat the one before.
-fn without_repeats(samples: Vec<(usize, Sample)>, same: f64, notes: &mut Vec<Note>) -> Vec<(usize, Sample)> {
-    let total = samples.len();
-    let mut kept: Vec<(usize, Sample)> = Vec::with_capacity(total);
-    for point in samples {
-        let repeats = kept.last().is_some_and(|last| distance(position(last), position(&point)) < same);
-        if !repeats {
-            kept.push(point);
-        }
-    }
+fn without_repeats(mut kept: Vec<(usize, Sample)>, same: f64, notes: &mut Vec<Note>) -> Vec<(usize, Sample)> {
+    let total = kept.len();
+    kept.dedup_by(|point, before| distance(position(before), position(point)) < same);
     if kept.len() < total {
         notes.push(Note::info(if same > SAME {
             format!("{} point(s) dropped that lie within {same} m of the one before", total - kept.len())

@@ -30,10 +30,10 @@ pub(super) enum Progress {
 }
 
 /// Stations row by row.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Stations {
-    first: f64,
-    begin: Vector,
+    /// The first station and its point.
+    first: (f64, Vector),
     least: f64,
     /// The newest station and its point; none before the first.
     newest: Option<(f64, Vector)>,
@@ -47,20 +47,6 @@ pub(super) struct Stations {
 }
 
 impl Stations {
-    pub fn new() -> Self {
-        Self {
-            first: 0.0,
-            begin: [0.0; 2],
-            least: 0.0,
-            newest: None,
-            step: 0.0,
-            way: 0.0,
-            driven: 0.0,
-            anew: false,
-            beyond: false,
-        }
-    }
-
     /// The newest station.
     pub fn newest(&self) -> f64 {
         self.newest.map_or(f64::NAN, |(station, _)| station)
@@ -69,8 +55,7 @@ impl Stations {
     /// Takes a row's station and point. One that falls changes nothing.
     pub fn take(&mut self, station: f64, point: Vector) -> Progress {
         let Some((before, last)) = self.newest else {
-            (self.first, self.least, self.newest) = (station, station, Some((station, point)));
-            self.begin = point;
+            (self.first, self.least, self.newest) = ((station, point), station, Some((station, point)));
             return Progress::Rises;
         };
         if self.beyond {
@@ -80,8 +65,9 @@ impl Stations {
         let stands = rise.abs() <= SAME && way <= SAME;
         if rise <= 0.0 && !stands {
             let ends = -rise > MOST * (before - self.least) && station <= self.least + self.step;
-            let left = (self.first - station).abs() + DRIVES_ON * self.way + BESIDE;
-            let is_back = self.driven > MOST * (before - self.first) && distance(point, self.begin) <= left;
+            let (first, begin) = self.first;
+            let left = (first - station).abs() + DRIVES_ON * self.way + BESIDE;
+            let is_back = self.driven > MOST * (before - first) && distance(point, begin) <= left;
             if self.anew || !ends || !is_back || way > DRIVES_ON * self.way {
                 return Progress::Falls;
             }
@@ -93,7 +79,7 @@ impl Stations {
         let falls = rise < 0.0 && !stands;
         self.least = self.least.min(station);
         self.newest = Some((station, point));
-        self.beyond = self.anew && station >= self.first;
+        self.beyond = self.anew && station >= self.first.0;
         match (self.beyond, falls) {
             (true, _) => Progress::BeyondLap,
             (false, true) => Progress::StartsAnew,
@@ -108,7 +94,7 @@ mod tests {
 
     /// What becomes of a circle of 100 m, from a station on, in steps of 1 m.
     fn around(from: u32, count: u32) -> Vec<Progress> {
-        let mut stations = Stations::new();
+        let mut stations = Stations::default();
         let point = |s: f64| [(s * 0.0628).cos() * 15.9, (s * 0.0628).sin() * 15.9];
         (from..from + count).map(|s| stations.take(f64::from(s % 100), point(f64::from(s)))).collect()
     }
@@ -128,7 +114,7 @@ mod tests {
     #[test]
     fn rows_out_of_order_are_no_lap() {
         let of = |stations: &[f64]| {
-            let mut order = Stations::new();
+            let mut order = Stations::default();
             stations.iter().map(|&s| order.take(s, [s, 0.0])).collect::<Vec<_>>()
         };
         assert_eq!(of(&[0.0, 1.0, 3.0, 2.0])[3], Progress::Falls);
@@ -136,7 +122,7 @@ mod tests {
         assert_eq!(of(&[5.0, 4.0])[1], Progress::Falls);
         // Files that were joined, and one wrong station: the points drive straight on.
         let on = |station: fn(u32) -> f64| {
-            let mut order = Stations::new();
+            let mut order = Stations::default();
             (0..300).map(|i| order.take(station(i), [f64::from(i), 0.0])).collect::<Vec<_>>()
         };
         assert_eq!(on(|i| f64::from(i % 200))[200], Progress::Falls);

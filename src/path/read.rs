@@ -265,7 +265,7 @@ fn read_rows(
     decimals: &mut Decimals,
     table: &mut RoadTable,
 ) -> Result<(), PathError> {
-    let mut stations = Stations::new();
+    let mut stations = Stations::default();
     let (mut anew, mut beyond) = (None, 0usize);
     loop {
         let latin1 = rows.is_latin1();
