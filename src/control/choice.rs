@@ -121,7 +121,7 @@ impl<V: ControlledVehicle<S>, const S: usize> LearnedModelFor<V, S> {
     /// # Errors
     /// A file that cannot be read, or is no model.
     pub fn read(file: &Path) -> Result<Self, FileError> {
-        in_file(file, || Self::from_bytes(&input::read(file, input::MODEL)?))
+        in_file(file, || Self::from_bytes(&input::read(file, input::MODEL).map_err(FileError::Read)?))
     }
 
     /// A model from the bytes of its file.

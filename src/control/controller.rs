@@ -294,10 +294,15 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             let at = self.path.project(pose.x, pose.y, pose.yaw, None);
             at.e1.abs() <= FAR_E1 && at.e2.abs() <= FAR_E2
         };
+        let had_lost_rate = self.state.guard.has_lost_rate();
         let verdict = self.guard.judge(&mut self.state.guard, &mut seen, elapsed, commands, on_road)?;
         if verdict == Judgement::Moved {
             self.forget();
             self.state.rate_sensor.move_to(seen.yaw, &self.parameters.observer);
+        }
+        if !had_lost_rate && self.state.guard.has_lost_rate() {
+            // What it was taught is of a sensor that was wrong.
+            self.state.observer.reset();
         }
         let bridged = verdict == Judgement::Bridged;
         let stops = self.guard.stops(&self.state.guard);
@@ -384,7 +389,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         if noise.yaw_rate_bias == 0.0 {
             return seen.yaw_rate;
         }
-        if self.state.guard.has_dead_rate() {
+        if self.state.guard.has_lost_rate() {
             // What it seemed to show was of a sensor that says nothing; its estimate comes of the model.
             *sensor = RateSensor::new(noise);
             return seen.yaw_rate;

@@ -20,6 +20,7 @@
 //! | the pose, or all of it, to the bit as a step before, in motion | stale: bridged, and never a contradiction |
 //! | the place alone to the bit as a step before, in motion | the same of the place: a receiver slower than the other sensors |
 //! | a rate that rests to the bit while its pose goes on (`resting.rs`) | dead: the same, until it changes |
+//! | sensors that contradict one another for longer (`consistency.rs`) | at fault: the same, until they agree again |
 //! | signals contradict one another from the start on | the same, steered by what they say |
 //! | outside for `guard.bridge_time`, but a motion of its own, on the road or from standstill | the host has moved the vehicle: a new start |
 //! | bridged for longer than `guard.bridge_time` | braking along the road, steered by the estimate |
@@ -34,16 +35,19 @@
 //! | file | idea |
 //! |---|---|
 //! | `track.rs` | the filter |
+//! | `consistency.rs` | sensors at fault inside their gates |
 //! | `new_start.rs` | a motion of its own |
 //! | `resting.rs` | rates that rest |
 //!
 //! Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001. It treats the
 //! validation gate, innovations as a test of the filter (5.4), and initiation of tracks.
 
+mod consistency;
 mod new_start;
 mod resting;
 mod track;
 
+use self::consistency::{Consistency, Ordinary};
 use self::new_start::NewStart;
 use self::resting::Resting;
 use self::track::{Track, difference};
@@ -52,7 +56,6 @@ use super::step::{Measurement, StepError};
 use super::vehicle::FurtherState;
 use crate::nominal::{ERRORS, LateralVehicle};
 use crate::parameters;
-use crate::path::wrap_angle;
 use crate::signal::{self, GRAVITY, Signal};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
@@ -108,8 +111,6 @@ const MOVES: f64 = 1e-3;
 const SETS_OUT: f64 = 0.1;
 /// Largest share by which the way of the poses may differ from that of the velocities for good: a sensor's scale.
 const LARGEST_SCALE: f64 = 0.1;
-/// Way after which that share is half learned, m.
-const SCALE_PRIOR: f64 = 1.0;
 /// Largest plausible acceleration beyond the command, m/s2: drag and grade.
 const LARGEST_DRIFT: f64 = 2.0;
 
@@ -140,28 +141,27 @@ pub struct GuardState {
     track: Option<Track>,
     /// The last measurement, if all of it was finite.
     told: Option<Signals>,
-    /// The measurement that last had a new pose, and the time since then, s.
-    placed: Option<Signals>,
-    waited: f64,
     /// Speed, m/s, and way, m, that the commands ask for since the last measurement that said something new.
     asked: [f64; 2],
     /// The pose that stayed to the bit while the vehicle moved, as long as it stays: no new start.
     dead_pose: Option<[f64; 3]>,
     resting: Resting,
+    consistency: Consistency,
     /// Steps since the start in which everything new agreed.
     agreed: u32,
     /// Time for which measurements have contradicted one another without a start to hold on to, s.
     unsettled: f64,
     /// Time since each signal was last plausible, s.
     age: Signals,
-    /// Mean of the squared innovations in units of their variance.
+    /// Mean of the squared innovations in units of their variance, half that of their changes, which a drift is not in, and the last
+    /// ones.
     spread: Signals,
+    scatter: Signals,
+    missed: [Option<f64>; SIGNALS],
     candidate: Option<NewStart>,
     /// The last pose that was a number, m, and the way that the vehicle can have driven since then, m.
     place: Option<[f64; 2]>,
     reach: f64,
-    /// Way of the poses beyond that of the velocities, and that of the velocities, m, over the last while.
-    ways: [f64; 2],
     /// Acceleration beyond the command, m/s2.
     drift: f64,
     /// True if a stop that has begun is to be completed.
@@ -196,19 +196,19 @@ impl Default for GuardState {
         Self {
             track: None,
             told: None,
-            placed: None,
-            waited: 0.0,
             asked: [0.0; 2],
             dead_pose: None,
             resting: Resting::default(),
+            consistency: Consistency::default(),
             agreed: 0,
             unsettled: 0.0,
             age: Signals::zeros(),
             spread: Signals::repeat(1.0),
+            scatter: Signals::repeat(1.0),
+            missed: [None; SIGNALS],
             candidate: None,
             place: None,
             reach: 0.0,
-            ways: [0.0; 2],
             drift: 0.0,
             stops: false,
         }
@@ -278,12 +278,12 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         };
         let finite = are_finite(&told);
         let stale = self.find_stale(state, &told, track.mean[3], accel, elapsed);
-        let scale = state.scale();
+        let scale = state.consistency.scale();
         let mut track = self.predict(&track, steer, [accel, state.drift], scale, elapsed);
         let moves = track.mean[3].abs() * elapsed > MOVES;
         let carried = self.is_carried(state, &told, track.mean[3], elapsed);
 
-        let (mut believed, contradicts) = self.gate(state, &track, &told, stale, elapsed);
+        let (mut believed, contradicts) = self.gate(state, &mut track, &told, stale, elapsed);
         if carried && state.stops {
             // The longer nothing was heard the wider are the gates; where it cannot have driven it was put.
             believed[POSE].fill(false);
@@ -310,7 +310,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         } else {
             // A vehicle that was put down and stands has the same bits at each step, too.
             let stands = (3..ARTICULATION).all(|i| told[i].abs() * elapsed <= MOVES);
-            let lives = state.dead_pose.is_none() && !state.resting.has_dead();
+            let lives = state.dead_pose.is_none() && !state.has_lost_rate();
             // A host that moves a truck moves more than its trailer.
             let elsewhere = !believed[..ARTICULATION].iter().all(|believed| *believed);
             let there = finite && elsewhere && (!stale.place || stands) && lives;
@@ -380,15 +380,6 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         let stale = OldSignals { all, pose: all || frozen_pose, place: all || frozen_place };
         let pose = [told[0], told[1], told[2]];
         state.dead_pose = if frozen_pose { Some(pose) } else { state.dead_pose.filter(|dead| *dead == pose) };
-        state.waited += elapsed;
-        if finite && !stale.place {
-            if let Some(before) = state.placed {
-                self.learn_scale(&mut state.ways, &before, told, state.waited);
-            }
-            (state.placed, state.waited) = (Some(*told), 0.0);
-        } else if !finite {
-            state.placed = None;
-        }
         state.told = finite.then_some(*told);
         stale
     }
@@ -397,22 +388,35 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
     fn gate(
         &self,
         state: &mut GuardState,
-        track: &Track,
+        track: &mut Track,
         told: &Signals,
         stale: OldSignals,
         elapsed: f64,
     ) -> ([bool; SIGNALS], bool) {
+        if state.agreed >= ESTABLISHED {
+            let scatter = state.scatter.map(|it| it.clamp(1.0, LARGEST_SPREAD));
+            let variance = self.noise.component_mul(&scatter);
+            let ordinary = Ordinary { variance: &variance, yaw_accel: self.yaw_accel };
+            let old = |i: usize| stale.has(i) || state.resting.is_dead(i, told);
+            let outside = state.age.rows_range(PLACE).max();
+            state.consistency.observe(told, old, outside, &ordinary, track, elapsed);
+        }
         let mut believed = [true; SIGNALS];
         let mut contradicts = false;
         for (i, believed) in believed.iter_mut().enumerate().take(Self::JUDGED) {
             let off = difference(i, told[i], track.mean[i]);
-            let units = off * off / (track.covariance[(i, i)] + self.noise[i]);
+            let units = off / (track.covariance[(i, i)] + self.noise[i]).sqrt();
             let spread = state.spread[i].clamp(1.0, LARGEST_SPREAD);
             let old = stale.has(i) || state.resting.is_dead(i, told);
-            *believed = !old && units <= GATE * GATE * spread;
+            let old = old || state.consistency.is_at_fault(i);
+            *believed = !old && units * units <= GATE * GATE * spread;
             contradicts |= !old && !*believed;
+            let before = std::mem::replace(&mut state.missed[i], believed.then_some(units));
             if *believed {
-                state.spread[i] += (units - state.spread[i]) * (elapsed / MEMORY).min(1.0);
+                let newer = (elapsed / MEMORY).min(1.0);
+                state.spread[i] += (units * units - state.spread[i]) * newer;
+                let changed = before.map_or(state.scatter[i], |before| 0.5 * (units - before).powi(2));
+                state.scatter[i] += (changed - state.scatter[i]) * newer;
             }
         }
         if are_finite(told) {
@@ -442,27 +446,12 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
     fn begin(&self, state: &mut GuardState, told: &Signals) {
         let covariance = SMatrix::from_diagonal(&self.noise);
         state.track = Some(Track { mean: *told, covariance });
-        (state.told, state.placed, state.waited) = (Some(*told), Some(*told), 0.0);
+        state.told = Some(*told);
         (state.agreed, state.unsettled) = (0, 0.0);
         state.age = Signals::zeros();
         state.candidate = None;
-    }
-
-    /// Learns by how much the poses go on faster than the velocities say.
-    fn learn_scale(&self, ways: &mut [f64; 2], before: &Signals, told: &Signals, elapsed: f64) {
-        let (sin, cos) = (before[2] + 0.5 * wrap_angle(told[2] - before[2])).sin_cos();
-        let moved = [told[0] - before[0], told[1] - before[1]];
-        let way = moved[0] * cos + moved[1] * sin;
-        let [said, aside] = [3, 4].map(|i| 0.5 * (before[i] + told[i]) * elapsed);
-        let sideways = moved[1] * cos - moved[0] * sin - aside;
-        // A pose that jumps or slips sideways, or a speed that is none, is not a matter of scale.
-        let allowed = LARGEST_SCALE * said.abs() + GATE * (2.0 * self.noise[0]).sqrt();
-        if (way - said).abs() > allowed || sideways.abs() > allowed {
-            return;
-        }
-        let keep = 1.0 - (elapsed / MEMORY).min(1.0);
-        ways[0] = ways[0] * keep + (way - said) * said.signum();
-        ways[1] = ways[1] * keep + said.abs();
+        state.missed = [None; SIGNALS];
+        state.consistency = Consistency::default();
     }
 }
 
@@ -486,20 +475,14 @@ fn replace(measurement: &mut Measurement, believed: &[bool; SIGNALS], estimate: 
 }
 
 impl GuardState {
-    /// Way of the poses for each metre of the velocities'.
-    fn scale(&self) -> f64 {
-        let [beyond, way] = self.ways;
-        1.0 + (beyond / (way + SCALE_PRIOR)).clamp(-LARGEST_SCALE, LARGEST_SCALE)
-    }
-
     /// The signals that are bridged.
     pub(super) fn bridged(&self) -> impl Iterator<Item = &'static Signal> {
         NAMED.into_iter().zip(&self.age).filter(|(_, age)| **age > 0.0).map(|(signal, _)| signal)
     }
 
-    /// True if a rate is known to be dead.
-    pub(super) fn has_dead_rate(&self) -> bool {
-        self.resting.has_dead()
+    /// True if a rate is known to be dead, or it and the yaw contradict one another.
+    pub(super) fn has_lost_rate(&self) -> bool {
+        self.resting.has_dead() || self.consistency.has_fault()
     }
 
     /// Longest time for which a signal has been implausible, s.

@@ -18,6 +18,8 @@ use serde::{Deserialize, Serialize};
 /// Rates, and the signal that each is the rate of; the speed is that of the place.
 const RATES: [(usize, usize); 3] = [(SPEED, 0), (5, 2), (ARTICULATION + 1, ARTICULATION)];
 const SPEED: usize = 3;
+/// Poses in a row, contradicted by a rate that rests, after which it is dead.
+const CONTRADICTED: u32 = 3;
 /// Share of the error of a resting value up to which it agrees with its pose.
 const AGREES: f64 = 0.5;
 
@@ -27,6 +29,8 @@ struct RestingRate {
     /// The measurement from which on, and for how long, s.
     since: Signals,
     age: f64,
+    /// Poses in a row that it contradicts.
+    contradicted: u32,
     is_dead: bool,
 }
 
@@ -73,7 +77,7 @@ impl Resting {
         for ((rate, _), rest) in RATES.into_iter().zip(&mut self.rates) {
             *rest = match rest.filter(|rest| rest.since[rate] == told[rate]) {
                 Some(rest) => Some(RestingRate { age: rest.age + elapsed, ..rest }),
-                None => Some(RestingRate { since: *told, age: 0.0, is_dead: false }),
+                None => Some(RestingRate { since: *told, age: 0.0, contradicted: 0, is_dead: false }),
             };
         }
         if !is_new {
@@ -106,7 +110,9 @@ impl Resting {
                 // Beyond a full turn an angle does not tell.
                 difference(of, told[of], rest.since[of] + told[rate] * rest.age).abs()
             };
-            rest.is_dead |= off > allowed;
+            // One wrong pose is the pose's fault.
+            rest.contradicted = if off > allowed { rest.contradicted.saturating_add(1) } else { 0 };
+            rest.is_dead |= rest.contradicted >= CONTRADICTED;
             // What has agreed so far would only widen the limit for what comes.
             if !rest.is_dead && off < AGREES * of_rest {
                 *rest = RestingRate { since: *told, age: 0.0, ..*rest };
