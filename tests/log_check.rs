@@ -227,6 +227,19 @@ fn cases() -> Vec<Case> {
             Err("starts anew 11 times, first in row 251; the longest of the 12 drives between is 4.98 s"),
         ),
         ("one time", s().map("time", |_, _| 5.0), Err("all 3000 rows have the same time")),
+        (
+            "32 bits",
+            s().map("time", |_, time| f64::from((1.700_000_04e9 + time) as f32)),
+            Err(
+                "the 3000 rows have 2 different times only, 128 apart, as seconds since 1970 have in 32 bits",
+            ),
+        ),
+        ("a clock that counts down", s().map("time", |_, time| 90.0 - time), Err("time runs backwards")),
+        (
+            "the last row first",
+            s().rows(|rows| rows.into_iter().rev().collect()),
+            Ok("time falls from row to row"),
+        ),
         ("too short", s().rows(|rows| rows[..300].to_vec()), Err("at least 10 s")),
         ("too slow", s().scaled(&["time"], 20.0).without(&["x", "y"]), Err("")),
         ("no speed", s().without(&["vx"]), Err("'vx' is missing")),
@@ -248,6 +261,18 @@ fn diagnosis_training_and_identification_agree() {
     let off: Vec<String> =
         cases.iter().flat_map(|(case, table, expected)| all(case, table, *expected)).collect();
     assert!(off.is_empty(), "{:#?}", off);
+}
+
+#[test]
+fn a_clock_that_counts_down_tells_no_angle_after_its_command() {
+    let backwards = || sound().map("time", |_, time| 90.0 - time);
+    let error = SteeringLog::by_angle(&backwards().log(), &steering).unwrap_err().to_string();
+    assert!(error.contains("time runs backwards") && error.contains("--rate HZ"), "{error}");
+    // Where nothing tells, a word.
+    let found = SteeringLog::by_angle(&backwards().without(&NOTHING_TELLS).log(), &steering).unwrap();
+    let words =
+        |finding: &Finding| finding.summary.contains("falls") && finding.summary.contains("--rate HZ");
+    assert!(found.findings.iter().any(words), "{:?}", found.findings);
 }
 
 /// And so do the commands: an error, or, of the diagnosis, a suspicion instead of a verdict.

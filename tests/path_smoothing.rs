@@ -286,3 +286,52 @@ fn points_that_repeat_are_as_noisy_as_those_that_do_not() {
         assert!(worst < 1e-9, "{repeats}: {worst}");
     }
 }
+
+/// A road with bends of 80 m radius both ways, its points 1 m apart, with an error of 0.3 m that lasts for about 20 m.
+fn drifting(seed: u64, deviation: f64) -> Vec<Sample> {
+    let (mut seed, keep) = (seed, (-1.0f64 / 20.0).exp());
+    let (mut x, mut y, mut yaw, mut error) = (0.0, 0.0, 0.0f64, [0.0; 2]);
+    (0..600)
+        .map(|i| {
+            yaw += (f64::from(i) / 60.0).sin() / 80.0;
+            (x, y) = (x + yaw.cos(), y + yaw.sin());
+            error =
+                error.map(|error| keep * error + deviation * (1.0 - keep * keep).sqrt() * noise(&mut seed));
+            Sample::at(x + error[0], y + error[1])
+        })
+        .collect()
+}
+
+#[test]
+fn a_drifting_receiver_is_said_and_the_tolerance_that_is_named_takes_it_away() {
+    let warning = |path: &Path| {
+        let warnings = path.notes().iter().filter(|note| note.warning).map(|note| note.text.clone());
+        warnings.collect::<Vec<_>>().join("; ")
+    };
+    let least = |path: &Path| path.tighter_than(1e6).map_or(f64::INFINITY, |(_, radius, _)| radius);
+    for seed in 1..4 {
+        let points = drifting(seed, 0.3);
+        let drawn = Path::from_samples_with(points.clone(), &PathOptions::default()).unwrap();
+        let words = warning(&drawn);
+        assert!(words.contains("to and fro") && least(&drawn) < 40.0, "{}: {words}", least(&drawn));
+        let named = words.split("--smooth ").nth(1).and_then(|rest| rest.split(' ').next());
+        let tolerance: f64 = named.expect("a tolerance").parse().expect("a number");
+        let smooth = Path::from_samples_with(points, &within(tolerance, Closure::Detect)).unwrap();
+        assert_eq!(warning(&smooth), "", "{tolerance}");
+        assert!(least(&smooth) > 50.0, "{tolerance}: {}", least(&smooth));
+        let exact = Path::from_samples_with(drifting(seed, 0.0), &PathOptions::default()).unwrap();
+        assert_eq!(warning(&exact), "");
+    }
+}
+
+#[test]
+fn a_slalom_and_a_small_track_do_not_sway() {
+    let wave = |amplitude: f64, length: f64| -> Vec<Sample> {
+        let place = |i: i32| 0.02 * length * f64::from(i);
+        (0..400).map(place).map(|x| Sample::at(x, amplitude * (TAU * x / length).sin())).collect()
+    };
+    for (amplitude, length) in [(1.2, 36.0), (0.4, 2.5)] {
+        let path = Path::from_samples_with(wave(amplitude, length), &PathOptions::default()).unwrap();
+        assert!(path.notes().iter().all(|note| !note.text.contains("to and fro")), "{:?}", path.notes());
+    }
+}

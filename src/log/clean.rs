@@ -222,6 +222,7 @@ impl Read {
         copied::leave_out(&mut mended);
         averaged::leave_out(&mut mended);
         held::mend(&mut mended);
+        frozen::leave_out_contradicted(&mut mended);
         coarse::mend(&mut mended);
         leave_out_faults(&mut mended);
         let LogRows { columns, spans, findings, left_out, in_file, coarse, .. } = mended;

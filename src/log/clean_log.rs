@@ -129,10 +129,14 @@ pub enum CleanError {
     #[error("the log has {rows} rows with a time; a drive of at least {LEAST_LENGTH} s is needed")]
     NoRows { rows: usize },
     #[error(
-        "all {rows} rows have the same time, as seconds since 1970 have in 32 bits or six digits; write them in full, or delete the column \
-         and give the rate of the rows (--rate HZ)"
+        "{}, as seconds since 1970 have in 32 bits or six digits; write them in full, or delete the column and give the rate of the \
+         rows (--rate HZ)",
+        match times {
+            1 => format!("all {rows} rows have the same time"),
+            _ => format!("the {rows} rows have {times} different times only, {apart} apart"),
+        }
     )]
-    OneTime { rows: usize },
+    FewTimes { rows: usize, times: usize, apart: f64 },
     #[error(
         "the clock starts anew {} times, first in row {row}; the longest of the {drives} drives between is {length:.2} s \
          long, and at least {LEAST_LENGTH} s are needed",
@@ -150,8 +154,11 @@ pub enum CleanError {
         "{rate:.2} rows a second: steering cannot be seen below {least}; record with 20 or more, and give time in seconds"
     )]
     TooSlow { rate: f64, least: f64 },
-    #[error("column '{column}' holds a value in {share:.0} % of the time only; at least half is needed")]
-    Sparse { column: &'static str, share: f64 },
+    #[error(
+        "column '{column}' holds a value in {share:.0} % of the time only; at least half is needed{}",
+        why.as_ref().map_or(String::new(), |why| format!(". {why}"))
+    )]
+    Sparse { column: &'static str, share: f64, why: Option<String> },
     #[error(
         "the vehicle drives faster than {STANDING} m/s for {moving:.1} s only; at least {LEAST_LENGTH} s are needed. Is vx \
          in m/s?"
@@ -182,6 +189,11 @@ pub enum CleanError {
     Sign { columns: Vec<&'static str>, against: Vec<&'static str>, tied: bool },
     #[error("{words}")]
     Frame { words: &'static str },
+    #[error(
+        "time runs backwards: the vehicle moves against yaw, and turns against yaw_rate; count time from the start of the drive, or \
+         delete the column and give the rate of the rows (--rate HZ)"
+    )]
+    Backwards,
     #[error(
         "{column} is a steering-wheel angle{}: {ratio:.1} times the road-wheel angle that the turns need; divide it by \
          the steering ratio{} (scripts/import_log.py can)",

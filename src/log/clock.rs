@@ -3,6 +3,7 @@
 use super::clean_log::{CleanError, LEAST_LENGTH, is_long_enough};
 use super::finding::{Finding, FindingSeverity};
 use crate::numerics::statistics::median;
+use std::cmp::Ordering;
 use std::ops::Range;
 
 /// Fewest samples a second in which steering can be seen.
@@ -59,7 +60,7 @@ pub(super) fn read(
     }
     put_in_order(stamps, &mut rows, &mut found);
     if rows.len() > 2 && stamps[rows[0]] == stamps[rows[rows.len() - 1]] {
-        return Err(CleanError::OneTime { rows: rows.len() });
+        return Err(CleanError::FewTimes { rows: rows.len(), times: 1, apart: 0.0 });
     }
     let before = rows.len();
     rows.dedup_by(|next, row| stamps[*next] == stamps[*row] && same(*row, *next));
@@ -74,6 +75,7 @@ pub(super) fn read(
         let unit = UNITS.iter().find(|(size, _)| *size == factor).map_or("another unit", |(_, name)| name);
         found(FindingSeverity::Warning, format!("the clock counts {unit}; it was converted to seconds"));
     }
+    few_times(stamps, &rows, factor)?;
     // A speed or a position in another unit explains no more.
     let told = way.filter(|way| !(0.2..5.0).contains(&(way / factor)));
     let mut time: Vec<f64> = rows.iter().map(|&row| stamps[row] * factor).collect();
@@ -142,11 +144,35 @@ impl Clock {
     }
 }
 
+/// Rows a second beyond which none are recorded.
+const MOST_ROWS: f64 = 5000.0;
+
+/// Checks that the sorted stamps are not so coarse that many rows share each one, and the unit of their steps is no clock's.
+fn few_times(stamps: &[f64], rows: &[usize], factor: f64) -> Result<(), CleanError> {
+    let steps: Vec<f64> =
+        rows.windows(2).map(|pair| stamps[pair[1]] - stamps[pair[0]]).filter(|step| *step > 0.0).collect();
+    let (times, length) = (steps.len() + 1, steps.iter().sum::<f64>());
+    let shared = rows.len() > 2 * times;
+    match median(steps) {
+        Some(apart) if shared && rows.len() as f64 > MOST_ROWS * factor * length => {
+            Err(CleanError::FewTimes { rows: rows.len(), times, apart })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Sorts the rows by time.
 fn put_in_order(stamps: &[f64], rows: &mut [usize], found: &mut impl FnMut(FindingSeverity, String)) {
-    let back = (1..rows.len()).filter(|&i| stamps[rows[i]] < stamps[rows[i - 1]]).count();
+    let of =
+        |order| (1..rows.len()).filter(|&i| stamps[rows[i]].total_cmp(&stamps[rows[i - 1]]) == order).count();
+    let (back, on) = (of(Ordering::Less), of(Ordering::Greater));
     if back > 0 {
         rows.sort_by(|a, b| stamps[*a].total_cmp(&stamps[*b]));
+        if back > on {
+            let words = "time falls from row to row: the rows were taken from the last to the first; if they were measured in the order \
+                         in which they stand, delete the column and give their rate (--rate HZ)";
+            return found(FindingSeverity::Warning, words.to_owned());
+        }
         found(FindingSeverity::Warning, format!("{back} rows were out of order in time and were sorted"));
     }
 }

@@ -87,7 +87,10 @@ fn on_even_clock(
         let Some(resampled) = resampled.filter(|_| 2 * guessed < count) else {
             let share = 100.0 * (count - guessed) as f64 / count as f64;
             if needed {
-                return Err(CleanError::Sparse { column: name, share });
+                let about =
+                    |it: &&Finding| it.signal.as_deref() == Some(name) && it.gravity > FindingSeverity::Note;
+                let why = log.findings.iter().find(about).map(|finding| finding.summary.clone());
+                return Err(CleanError::Sparse { column: name, share, why });
             }
             let words = format!("{name} holds a value in {share:.0} % of the time only, and is left out");
             log.find(FindingSeverity::Warning, name, words);

@@ -10,12 +10,16 @@
 //! One with white noise of its own never rests: where it repeats itself for longer than chance allows it is frozen, with a jump or
 //! without.
 //!
+//! Without noise and without a jump, the others tell: a sensor that rests while its [partners](super::partners) say by how much it must
+//! have changed is frozen, be it to the end of the log. One that rests because the vehicle drives straight at one speed is not.
+//!
 //! A sensor that is held from sample to sample, each a tenth of a second or a second, jumps always: it is none. Nor is one of
 //! a vehicle that stands, or one that has not moved before.
 
 use super::clean_log::STANDING;
 use super::differences::own_noise;
 use super::finding::FindingSeverity;
+use super::partners::{self, Partner};
 use super::rows::{LogRows, repeats};
 use crate::numerics::statistics::{median, quantile};
 use std::ops::Range;
@@ -72,6 +76,97 @@ fn leave_out_of(log: &mut LogRows, names: &[&'static str]) {
             log.find(FindingSeverity::Warning, name, words);
             log.leave_out(name, stretch);
         }
+    }
+}
+
+/// Sensors whose partners tell of their changes.
+const TOLD: [&str; 10] = ["x", "y", "yaw", "vx", "vy", "yaw_rate", "ax", "ay", "roll", "steer"];
+
+/// Leaves out stretches in which a sensor rests while its partners tell that it must have moved.
+pub(super) fn leave_out_contradicted(log: &mut LogRows) {
+    let shortest = log.lasting(partners::SHORTEST, 3);
+    for name in TOLD {
+        let Some((values, vx)) = log.columns.get(name).zip(log.columns.get("vx")) else { continue };
+        let rests_of = |span: &Range<usize>| {
+            let rests = repeats(values, span.clone(), shortest).into_iter();
+            rests.map(|rest| RestingRows { rows: rest, span: span.clone() }).collect::<Vec<_>>()
+        };
+        let rests: Vec<RestingRows> = log.spans.iter().flat_map(rests_of).collect();
+        let lasts = |rest: &RestingRows| log.time[rest.rows.end - 1] - log.time[rest.rows.start];
+        let Some(longest) = rests.iter().map(lasts).reduce(f64::max) else { continue };
+        let mut counts: Vec<bool> = vx.iter().map(|vx| vx.abs() > STANDING).collect();
+        rests.iter().for_each(|rest| counts[rest.rows.clone()].fill(false));
+        let partners = Partner::all(log, name, &counts, longest);
+        let step = step_of(values);
+        let moves = |rest: &RestingRows| values[rest.rows.start].is_finite() && is_moving(vx, &rest.rows);
+        let mut found = Vec::new();
+        for rest in rests.iter().filter(|rest| moves(rest)) {
+            let awake = |partner: &&Partner| {
+                let column = &log.columns[partner.name][rest.rows.clone()];
+                partner.name.ends_with("_cmd") || column.iter().any(|value| *value != column[0])
+            };
+            let partners: Vec<&Partner> = partners.iter().filter(awake).collect();
+            if let Some(partner) = rest.contradicted(values, &log.time, step, &partners) {
+                // The first of them was measured.
+                let from = rest.rows.start + usize::from(rest.rows.start > rest.span.start);
+                found.push((values[from], from..rest.rows.end, partner));
+            }
+        }
+        for (value, stretch, partner) in found {
+            let words = format!(
+                "{name} stays at {value:.4} from row {} to row {}, though {partner} tells that it changes: frozen; left out, like missing values",
+                log.number(stretch.start),
+                log.number(stretch.end - 1)
+            );
+            log.find(FindingSeverity::Warning, name, words);
+            log.leave_out(name, stretch);
+        }
+    }
+}
+
+/// A stretch in which a sensor rests.
+struct RestingRows {
+    rows: Range<usize>,
+    /// The drive.
+    span: Range<usize>,
+}
+
+impl RestingRows {
+    /// The partner that contradicts, whom no other does: it says a change from the last value before, and to the first one after. A
+    /// change of up to a `step` of the sensor's numbers is none.
+    fn contradicted(
+        &self,
+        values: &[f64],
+        time: &[f64],
+        step: f64,
+        partners: &[&Partner],
+    ) -> Option<&'static str> {
+        let Range { start, end } = self.rows;
+        let measured: Vec<usize> =
+            [start, end].into_iter().filter(|row| *row > self.span.start && *row < self.span.end).collect();
+        // The sensor's value less what a partner tells from a measured row on, and the bound of its error.
+        let off = |partner: &Partner, from: usize, to: usize| -> Option<(f64, f64)> {
+            let (told, bound) = partner.change(from, to, (time[to] - time[from]).abs())?;
+            let off = values[to] - values[from] - told;
+            off.is_finite().then_some((off, bound + step))
+        };
+        let beyond = |(off, bound): (f64, f64)| off.abs() - bound;
+        let least = |partner: &Partner, row: usize| {
+            let each = measured.iter().filter_map(|&from| off(partner, from, row));
+            each.min_by(|a, b| beyond(*a).total_cmp(&beyond(*b)))
+        };
+        let confirmed = |partner: &Partner| match measured[..] {
+            [from, to] => off(partner, from, to).is_some_and(|it| beyond(it) <= 0.0),
+            _ => !partner.feels_gravity(),
+        };
+        partners.iter().filter(|partner| confirmed(partner)).find_map(|partner| {
+            let rows = self.rows.clone().filter_map(|row| Some((row, least(partner, row)?)));
+            let (row, worst) = rows.max_by(|a, b| beyond(a.1).total_cmp(&beyond(b.1)))?;
+            let agrees = |other: &&Partner| {
+                least(other, row).is_none_or(|it| (it.0 - worst.0).abs() <= it.1 + worst.1)
+            };
+            (beyond(worst) > 0.0 && partners.iter().all(agrees)).then_some(partner.name)
+        })
     }
 }
 

@@ -23,6 +23,7 @@
 //! | `units.rs` | the fewest foreign units that explain these relations |
 //! | `outliers.rs` | values beyond any vehicle, and rows that their neighbours contradict |
 //! | `frozen.rs` | stretches in which a sensor repeats its last value |
+//! | `partners.rs` | what other columns tell about the changes of a sensor |
 //! | `saturated.rs` | sensors at the end of their range |
 //! | `held.rs` | values that a recorder has filled in between samples |
 //! | `coarse.rs` | numbers that are written more coarsely than the quantity moves |
@@ -66,6 +67,7 @@ mod learn;
 mod mixed;
 mod only;
 mod outliers;
+mod partners;
 mod read;
 mod resample;
 mod reversing;

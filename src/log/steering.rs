@@ -56,7 +56,7 @@ impl SteeringLog {
         outliers::absurd(&log.columns().map(|(name, values)| (name, values.to_vec())).collect())
             .map_err(unusable)?;
         let mut found = Self { findings: log.findings().collect(), ..Self::default() };
-        let factors = found.units(log, [command, angle], steering);
+        let factors = found.units(log, [command, angle], steering)?;
         let (mut errors, mut stated) = (Vec::new(), Vec::new());
         let spans = clock::drives(stamps);
         let name = log.file.display().to_string();
@@ -158,7 +158,12 @@ impl SteeringLog {
     }
 
     /// Factors to radians of command and angle.
-    fn units(&mut self, log: &DriveLog, columns: [&[f64]; 2], steering: &dyn Fn(f64) -> f64) -> [f64; 2] {
+    fn units(
+        &mut self,
+        log: &DriveLog,
+        columns: [&[f64]; 2],
+        steering: &dyn Fn(f64) -> f64,
+    ) -> Result<[f64; 2], UnusableLog> {
         let high = |values: &[f64]| quantile(values.iter().map(|value| value.abs()).collect(), 0.95);
         // Where the log tells how it turned, cleaning knows units and signs.
         let clean = match CleanLog::of(log, steering) {
@@ -172,6 +177,8 @@ impl SteeringLog {
                 self.findings.push(Finding::new(FindingSeverity::Warning, Some("steer_cmd"), words));
                 None
             }
+            // The angle would come before its command.
+            Err(error @ UnusableLog { cause: CleanError::Backwards, .. }) => return Err(error),
             Err(_) => None,
         };
         let mut factors = [1.0; 2];
@@ -190,7 +197,7 @@ impl SteeringLog {
                 self.findings.push(Finding::new(FindingSeverity::Warning, Some(name), words));
             }
         }
-        factors
+        Ok(factors)
     }
 }
 

@@ -164,8 +164,8 @@ fn drawn(
         Some(noise) => noise.refusal("turns back on itself".into()),
         None => error,
     })?;
-    if !periodic && options.closure == Closure::Detect {
-        notes.extend(passes_its_start(&kept, median).map(Note::warning));
+    if periodic || options.closure == Closure::Detect {
+        notes.extend(passes_its_start(&kept, median, periodic).map(Note::warning));
     }
 
     let samples: Vec<Sample> = kept.into_iter().map(|(_, sample)| sample).collect();
@@ -340,14 +340,16 @@ fn leads_into_start(kept: &[(usize, Sample)], noise: Option<&PointNoise>, median
 }
 
 /// A note on a road that overlaps itself: a lap that was recorded a little too long.
-fn passes_its_start(kept: &[(usize, Sample)], median: f64) -> Option<String> {
+fn passes_its_start(kept: &[(usize, Sample)], median: f64, periodic: bool) -> Option<String> {
     let p = |i: usize| [kept[i].1.x, kept[i].1.y];
     let heading = |i: usize| (p(i + 1)[1] - p(i)[1]).atan2(p(i + 1)[0] - p(i)[0]);
     // It has left its start in between.
-    let away = (0..kept.len()).find(|&i| distance(p(i), p(0)) > 10.0 * median)?;
+    let leaves = |from: usize| (from..kept.len()).find(|&i| distance(p(i), p(0)) > 10.0 * median);
+    let away = leaves(0)?;
     let again = (away..kept.len() - 1)
         .find(|&i| distance(p(i), p(0)) < 2.0 * median && wrap_angle(heading(i) - heading(0)).abs() < 0.5)?;
-    Some(format!(
+    // The end of a closed road comes to its start; of two laps in one, the first one does so as well.
+    (!periodic || leaves(again).is_some()).then(|| format!(
         "the road passes its start again at point {} of {}: for a closed road, remove the points from there on",
         kept[again].0 + 1,
         kept.len()

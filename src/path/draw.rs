@@ -7,11 +7,14 @@ use super::note::Note;
 use super::sample::{Sample, Smoothing};
 use super::smooth::{Goal, smooth};
 use super::spline::{Knot, QuinticSpline, Vector, distance};
+use super::sway::Sway;
 use super::wrap_angle;
 use crate::numerics::statistics::{MEDIAN_OF_NORMAL, median};
 
 /// Largest disagreement of headings and curvatures with the points at which they still hold (rad).
 const DISAGREEMENT: f64 = 0.02;
+/// Tolerances of smoothing that are tried on a road that sways, m.
+const TOLERANCES: [f64; 7] = [0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0];
 /// Tightest bend of a road that noise leaves drivable in m.
 const TIGHTEST: f64 = 2.0;
 
@@ -38,9 +41,19 @@ impl Outline<'_> {
         notes: &mut Vec<Note>,
     ) -> Result<QuinticSpline, PathError> {
         let pinned = !matches!(smoothing, Smoothing::Within(_));
-        let posed = self.poses(notes).filter(|_| pinned);
-        let near = posed.or_else(|| self.near(self.goal(smoothing, accuracy)?, notes));
-        let curve = near.unwrap_or_else(|| self.through(notes));
+        if let Some(curve) = self.poses(notes).filter(|_| pinned) {
+            return Ok(curve);
+        }
+        let near = self.goal(smoothing, accuracy).and_then(|goal| self.near(goal, notes));
+        let is_near = near.is_some();
+        let curve = near.unwrap_or_else(|| QuinticSpline::through(&self.points, self.periodic));
+        let wobbles = wobble(&curve).filter(|_| !is_near).map(|error| {
+            format!(
+                "the curvature wobbles by {error:.4} 1/m from point to point: the points look noisy; give a smoothing tolerance of about \
+                 their noise"
+            )
+        });
+        notes.extend(wobbles.or_else(|| self.sways(&curve)).map(Note::warning));
         if let Some(noise) = self.noise {
             let tightest = tightest(&curve);
             if tightest * TIGHTEST > 1.0 {
@@ -101,16 +114,22 @@ impl Outline<'_> {
         Some(curve)
     }
 
-    /// The curve through every point.
-    fn through(&self, notes: &mut Vec<Note>) -> QuinticSpline {
-        let curve = QuinticSpline::through(&self.points, self.periodic);
-        if let Some(error) = wobble(&curve) {
-            notes.push(Note::warning(format!(
-                "the curvature wobbles by {error:.4} 1/m from point to point: the points look noisy; give a \
-                 smoothing tolerance of about their noise"
-            )));
-        }
-        curve
+    /// Words on a curve that sways, with the tolerance that takes it away.
+    fn sways(&self, curve: &QuinticSpline) -> Option<String> {
+        let sway = Sway::of(curve)?;
+        let steady = |tolerance: &&f64| {
+            let smoother = smooth(&self.points, None, self.periodic, Goal::Within(**tolerance));
+            smoother.is_some_and(|curve| Sway::is_none_in(&curve))
+        };
+        let advice = TOLERANCES.iter().find(steady).map_or_else(
+            || "give better points".to_owned(),
+            |tolerance| {
+                format!("--smooth {tolerance} leaves none of it; look whether what it leaves is the road")
+            },
+        );
+        Some(format!(
+            "{sway}: no road does that, but points whose error lasts for some metres, as that of a receiver that drifts; {advice}"
+        ))
     }
 
     /// The curve from heading and curvature, where the road has both and they fit its points.
@@ -155,7 +174,7 @@ pub(super) fn tightest(curve: &QuinticSpline) -> f64 {
 }
 
 /// Curvature at a knot in 1/m.
-fn curvature(knot: &Knot) -> f64 {
+pub(super) fn curvature(knot: &Knot) -> f64 {
     let speed = knot.d1[0].hypot(knot.d1[1]).max(1e-9);
     (knot.d1[0] * knot.d2[1] - knot.d1[1] * knot.d2[0]) / speed.powi(3)
 }

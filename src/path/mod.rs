@@ -34,6 +34,7 @@
 //! | `sample.rs` | the points of a road |
 //! | `check.rs` | checks of a road's points: duplicates, gaps, closure |
 //! | `draw.rs` | the curve of a road whose points are checked |
+//! | `sway.rs` | roads that sway with the errors of their points |
 //! | `straight.rs` | straights that a map gives no points for |
 //! | `spline.rs` | a curve with continuous curvature through them |
 //! | `smooth.rs`, `banded.rs` | the same through noisy points, within a tolerance |
@@ -73,6 +74,7 @@ mod spline;
 mod stops;
 mod straight;
 pub mod sudoku;
+mod sway;
 mod truck_course;
 mod write;
 

@@ -247,6 +247,8 @@ pub(super) fn parse(reader: impl Read, limits: Limits) -> Result<RoadTable, Path
     if table.samples.is_empty() {
         return Err(PathError::Empty { place: InputPlace::default() });
     }
+    let steep: Vec<Note> = ["bank", "grade"].iter().filter_map(|column| too_steep(&table, column)).collect();
+    table.notes.extend(steep);
     if geodetic {
         lay_on_plane(&mut table);
     }
@@ -256,6 +258,27 @@ pub(super) fn parse(reader: impl Read, limits: Limits) -> Result<RoadTable, Path
         false => decimals.accuracy(if geodetic { DEGREE } else { 1.0 }),
     };
     Ok(table)
+}
+
+/// Steepest bank of a public track, rad: 33 degrees. No public road is as steep.
+const STEEPEST: f64 = 0.58;
+
+/// A warning of a bank or a grade that no road has in radians.
+fn too_steep(table: &RoadTable, column: &str) -> Option<Note> {
+    let of = |sample: &Sample| if column == "bank" { sample.bank } else { sample.grade };
+    let rows = table.samples.iter().zip(&table.lines).filter_map(|(sample, line)| Some((of(sample)?, line)));
+    let mut steep = rows.filter(|(value, _)| value.abs() > STEEPEST);
+    let (value, line) = steep.next()?;
+    let more = match steep.count() {
+        0 => String::new(),
+        count => format!(", and as steep in {count} more rows"),
+    };
+    Some(Note::warning(format!(
+        "line {line}: {column} is {value:.3} rad, {:.0} degrees{more}; no public road or track is steeper than {:.0} degrees. Is it in \
+         degrees or per cent? Name the column {column} [deg] or {column} [%]",
+        value.to_degrees(),
+        STEEPEST.to_degrees()
+    )))
 }
 
 /// Reads the rows below the header, of a lap at most.

@@ -78,7 +78,11 @@ struct Motion {
 impl Motion {
     fn of(log: &CleanLog, steering: &dyn Fn(f64) -> f64) -> Self {
         let turn = match (log.columns.get("yaw"), log.columns.get("yaw_rate")) {
-            (Some(yaw), Some(rate)) => turn_factor(&log.time, yaw, rate),
+            (Some(yaw), Some(rate)) => {
+                let valid = yaw.iter().zip(&log.valid);
+                let yaw: Vec<f64> = valid.map(|(yaw, valid)| if *valid { *yaw } else { f64::NAN }).collect();
+                turn_factor(&log.time, &yaw, rate)
+            }
             _ => None,
         };
         let course = course(log);
@@ -100,22 +104,20 @@ impl Motion {
     }
 
     /// The fault of a frame as a whole, where the course of x, y tells it: a sign alone would be the wrong advice.
-    fn frame(&self) -> Option<&'static str> {
+    fn frame(&self) -> Option<CleanError> {
         let (course, turn) = (self.course?, self.turn?);
         let quarter = self.mirrored.abs() < QUARTER && MIRRORED.contains(&course);
         let backwards = self.apart.abs() > std::f64::consts::PI - QUARTER && MIRRORED.contains(&-course);
         match turn < 0.0 {
-            true if quarter => Some(
-                "yaw is a heading from north, clockwise, as of a compass; give it from the x axis, counter-clockwise: pi/2 - \
-                 yaw (in degrees 90 - yaw)",
-            ),
-            false if quarter => Some(
-                "x and y stand for one another: x is the position to the east, y to the north where yaw counts from the east",
-            ),
-            true if backwards => Some(
-                "time runs backwards: the vehicle moves against yaw, and turns against yaw_rate; count time from the start of \
-                 the drive",
-            ),
+            true if quarter => Some(CleanError::Frame {
+                words: "yaw is a heading from north, clockwise, as of a compass; give it from the x axis, counter-clockwise: \
+                        pi/2 - yaw (in degrees 90 - yaw)",
+            }),
+            false if quarter => Some(CleanError::Frame {
+                words: "x and y stand for one another: x is the position to the east, y to the north where yaw counts from the \
+                        east",
+            }),
+            true if backwards => Some(CleanError::Backwards),
             _ => None,
         }
     }
@@ -149,8 +151,8 @@ const ANOTHER_AXIS: f64 = 0.3;
 /// A sign that is reversed; a steering-wheel angle.
 pub(in crate::log) fn check(log: &mut CleanLog, steering: &dyn Fn(f64) -> f64) -> Result<(), CleanError> {
     let motion = Motion::of(log, steering);
-    if let Some(words) = motion.frame() {
-        return Err(CleanError::Frame { words });
+    if let Some(error) = motion.frame() {
+        return Err(error);
     }
     check_signs(&motion.pairs(log))?;
     let Motion { turn, course, apart, steered, lateral, along, driven, .. } = motion;
