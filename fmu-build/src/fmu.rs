@@ -1,7 +1,6 @@
 //! An FMU to be made: from source, or from one that was made before.
 
 use crate::cargo::CargoError;
-use crate::description::describe_in;
 use crate::library::LibraryError;
 use crate::package::{Package, PackageError};
 use crate::standard::Standard;
@@ -99,35 +98,7 @@ pub struct Base {
     /// The version of FMI that it is of.
     pub standard: Standard,
     pub(crate) package: Package,
-    start: BTreeMap<String, String>,
-}
-
-impl Base {
-    /// Reads an FMU's file, which must be one of `all`, and of this version; gives which one, based on the file.
-    ///
-    /// # Errors
-    /// A file that is none of them.
-    pub fn read(file: &Path, all: &[Fmu]) -> Result<Fmu, FmuError> {
-        let package = Package::read(file)?;
-        let text = |entry: &str| String::from_utf8_lossy(package.get(entry).unwrap_or_default()).into_owned();
-        let xml = text("modelDescription.xml");
-        let of_name = |fmu: &&Fmu| xml.contains(&format!(" modelName=\"{}\"", fmu.declaration.name));
-        let fmu = all.iter().find(of_name).ok_or_else(|| {
-            let names: Vec<_> = all.iter().map(|fmu| fmu.declaration.name).collect();
-            FmuError::Foreign { path: file.to_owned(), names: names.join(", ") }
-        })?;
-        let standard = Standard::of(&xml).unwrap_or_default();
-        let mark = |xml: &str| standard.mark_of(xml).to_owned();
-        let (found, own) = (mark(&xml), mark(&describe_in(standard, &fmu.declaration)));
-        if found != own {
-            return Err(FmuError::Version { path: file.to_owned(), found, own });
-        }
-        let start = text(&format!("resources/{START_FILE}"));
-        let start = StartValues::read(&start)
-            .map_err(|error| FmuError::PackedStart { path: file.to_owned(), message: error.to_string() })?;
-        let base = Base { standard, package, start: start.chosen };
-        Ok(Fmu { base: Some(base), ..fmu.clone() })
-    }
+    pub(crate) start: BTreeMap<String, String>,
 }
 
 /// Initialises a model, for [`Fmu::initialize`].

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `shipped.rs` | the FMUs and systems that we ship |
 //! | `fmu.rs` | an FMU to be made |
+//! | `base.rs` | an FMU that was made before, read and checked |
 //! | `packing.rs` | the steps from a model to an FMU's file |
 //! | `added.rs` | what a user has packed in: learned models, a vehicle |
 //! | `system.rs` | FMUs connected, as an SSP archive |
@@ -18,6 +19,7 @@
 //! | `xml.rs` | elements and attributes |
 
 pub mod added;
+pub mod base;
 pub mod cargo;
 pub mod description;
 pub mod documentation;

@@ -5,10 +5,12 @@
 use rfl_mpc::input;
 use rfl_mpc::output::write_bytes;
 use std::collections::BTreeMap;
-use std::io::{Cursor, Read, Write};
+use std::fs::File;
+use std::io::{BufReader, Cursor, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, DateTime, ZipWriter};
+use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
 /// Reason for which an archive could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -24,28 +26,40 @@ pub enum PackageError {
     Archive { path: PathBuf, source: zip::result::ZipError },
     #[error("{name} in {path} was built for another description: its GUID is not this FMU's. Build it anew.")]
     OtherDescription { path: PathBuf, name: String },
-    #[error(
-        "{path} holds more than {ENTRIES} files or {} MB unpacked, or the file name `{name}`, which no FMU has. Do not \
-         use this FMU",
-        UNPACKED >> 20
-    )]
-    NoFmu { path: PathBuf, name: String },
+    #[error("{path} {found}, as no FMU of this program. Do not use this FMU")]
+    NoFmu { path: PathBuf, found: NoFmu },
     #[error(
         "{name} in {path} is no library of this FMU: a file of at most {} MB is, with the FMU's own name in a platform's folder, \
          such as binaries/win64/RflMpc.dll. Do not use this FMU",
-        LIBRARY >> 20
+        ENTRY >> 20
     )]
     NoLibrary { path: PathBuf, name: String },
-    #[error("{path} holds no library to merge: give an FMU that was built on another platform")]
-    NothingToMerge { path: PathBuf },
+    #[error("{path} holds no library, which a host needs: give an FMU with one in binaries/, as it was made")]
+    NoLibraries { path: PathBuf },
     #[error("{0} stands in the package twice: take it out of one of the places it comes from")]
     Twice(String),
 }
 
-/// The content of an archive, by path inside it.
+/// What an archive has that no FMU of ours has.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum NoFmu {
+    #[error("holds {0} files, more than {ENTRIES}")]
+    Files(usize),
+    #[error("holds `{name}`, which is larger than {} MB unpacked", ENTRY >> 20)]
+    Large { name: String },
+    #[error("is larger than {} MB unpacked", UNPACKED >> 20)]
+    Unpacked,
+    #[error("holds the file name `{0}`, which leads out of a folder or is none on some system")]
+    Name(String),
+    #[error("holds `{0}`, which is a link or a device, and no file")]
+    Kind(String),
+}
+
+/// The content of an archive, by path inside it. Copies share the contents.
 #[derive(Debug, Default, Clone)]
 pub struct Package {
-    entries: BTreeMap<String, Vec<u8>>,
+    entries: BTreeMap<String, Arc<Vec<u8>>>,
 }
 
 impl Package {
@@ -54,11 +68,14 @@ impl Package {
     /// # Errors
     /// If there is one of this name.
     pub fn add(&mut self, name: impl Into<String>, content: impl Into<Vec<u8>>) -> Result<(), PackageError> {
-        let name = name.into();
+        self.insert(name.into(), Arc::new(content.into()))
+    }
+
+    fn insert(&mut self, name: String, content: Arc<Vec<u8>>) -> Result<(), PackageError> {
         if self.entries.contains_key(&name) {
             return Err(PackageError::Twice(name));
         }
-        self.entries.insert(name, content.into());
+        self.entries.insert(name, content);
         Ok(())
     }
 
@@ -107,29 +124,28 @@ impl Package {
     /// # Errors
     /// A file that is no archive, or one that no FMU is: too large, or with names that climb out of its folder.
     pub fn read(file: &Path) -> Result<Self, PackageError> {
-        let read = |source| PackageError::Read { path: file.to_owned(), source };
-        let archive = |source| PackageError::Archive { path: file.to_owned(), source };
-        let bytes = input::read(file, FMU).map_err(read)?;
-        let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(archive)?;
-        let no_fmu = |name: &str| PackageError::NoFmu { path: file.to_owned(), name: name.to_owned() };
+        let mut zip = open(file)?;
+        let no_fmu = |found| PackageError::NoFmu { path: file.to_owned(), found };
         if zip.len() > ENTRIES {
-            return Err(no_fmu(""));
+            return Err(no_fmu(NoFmu::Files(zip.len())));
         }
         let (mut package, mut left) = (Self::default(), UNPACKED);
         for i in 0..zip.len() {
-            let mut entry = zip.by_index(i).map_err(archive)?;
-            let name = entry.name().map_err(archive)?.into_owned();
+            let mut entry = zip.by_index(i).map_err(|source| archive(file, source))?;
+            let name = entry.name().map_err(|source| archive(file, source))?.into_owned();
             if entry.is_dir() {
                 continue;
             }
-            let mut content = Vec::new();
-            // What it says of its size need not be true.
-            (&mut entry).take(left + 1).read_to_end(&mut content).map_err(read)?;
-            let size = content.len() as u64;
-            if !entry.is_file() || !stays_below(&name) || size > left {
-                return Err(no_fmu(&name));
+            if !stays_below(&name) {
+                return Err(no_fmu(NoFmu::Name(name)));
             }
-            left -= size;
+            if !entry.is_file() {
+                return Err(no_fmu(NoFmu::Kind(name)));
+            }
+            let Some(content) = content(file, &mut entry, left.min(ENTRY))? else {
+                return Err(no_fmu(if left < ENTRY { NoFmu::Unpacked } else { NoFmu::Large { name } }));
+            };
+            left -= content.len() as u64;
             package.add(name, content)?;
         }
         Ok(package)
@@ -138,22 +154,19 @@ impl Package {
     /// One entry of an archive on disk, of which nothing else is looked at.
     ///
     /// # Errors
-    /// A file that is no archive.
+    /// A file that is no archive, an entry that is too large.
     pub fn read_entry(file: &Path, name: &str) -> Result<Option<Vec<u8>>, PackageError> {
-        let read = |source| PackageError::Read { path: file.to_owned(), source };
-        let archive = |source| PackageError::Archive { path: file.to_owned(), source };
-        let bytes = input::read(file, FMU).map_err(read)?;
-        let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(archive)?;
-        let Ok(entry) = zip.by_name(name) else { return Ok(None) };
-        let mut content = Vec::new();
-        entry.take(LIBRARY).read_to_end(&mut content).map_err(read)?;
-        Ok(Some(content))
+        let mut zip = open(file)?;
+        let Ok(mut entry) = zip.by_name(name) else { return Ok(None) };
+        let large =
+            || PackageError::NoFmu { path: file.to_owned(), found: NoFmu::Large { name: name.to_owned() } };
+        content(file, &mut entry, ENTRY)?.ok_or_else(large).map(Some)
     }
 
     /// An entry's content.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&[u8]> {
-        self.entries.get(name).map(Vec::as_slice)
+        self.entries.get(name).map(|content| content.as_slice())
     }
 
     /// Takes an entry out.
@@ -175,7 +188,7 @@ impl Package {
     /// # Errors
     /// If there is one of the same name.
     pub fn extend(&mut self, other: Self) -> Result<(), PackageError> {
-        other.entries.into_iter().try_for_each(|(name, content)| self.add(name, content))
+        other.entries.into_iter().try_for_each(|(name, content)| self.insert(name, content))
     }
 
     /// Writes the entries below `folder` (which ends in `/`) as files into another folder.
@@ -187,58 +200,62 @@ impl Package {
             let Some(rest) = name.strip_prefix(folder) else { continue };
             let path = into.join(rest);
             let made = path.parent().map_or(Ok(()), std::fs::create_dir_all);
-            made.and_then(|()| std::fs::write(&path, content))
+            made.and_then(|()| std::fs::write(&path, content.as_slice()))
                 .map_err(|source| PackageError::Write { path, source })?;
         }
         Ok(())
     }
 
-    /// Takes over, from another FMU, libraries of platforms that this one lacks: those of `wanted`, by their places. Each
-    /// must hold `guid`, or it was built for another description. Gives the places of what was taken.
+    /// The libraries of an FMU on disk, by their places, which must be among `places`. Each must hold `guid`, or it was built for
+    /// another description.
     ///
     /// # Errors
-    /// If the FMU cannot be read, or holds none of `wanted`, another file in their place, or a library of another description.
-    pub fn merge_binaries(
-        &mut self,
-        fmu: &Path,
-        wanted: &[String],
-        guid: &[u8],
-    ) -> Result<Vec<String>, PackageError> {
-        let read = |source| PackageError::Read { path: fmu.to_owned(), source };
-        let archive = |source| PackageError::Archive { path: fmu.to_owned(), source };
-        let bytes = input::read(fmu, FMU).map_err(read)?;
-        let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(archive)?;
-        let (mut merged, mut known) = (Vec::new(), false);
+    /// If the FMU cannot be read, or holds none, another file in their place, or a library of another description.
+    pub fn libraries(fmu: &Path, places: &[String], guid: &[u8]) -> Result<Self, PackageError> {
+        let (mut zip, mut libraries) = (open(fmu)?, Self::default());
         for i in 0..zip.len() {
-            let mut file = zip.by_index(i).map_err(archive)?;
-            let name = file.name().map_err(archive)?.into_owned();
+            let mut entry = zip.by_index(i).map_err(|source| archive(fmu, source))?;
+            let name = entry.name().map_err(|source| archive(fmu, source))?.into_owned();
             // However it is written.
             let is_binary = name.trim_start_matches(['/', '\\']).to_lowercase().starts_with("binaries");
-            if file.is_dir() || !is_binary {
+            if entry.is_dir() || !is_binary {
                 continue;
             }
             let no_library = || PackageError::NoLibrary { path: fmu.to_owned(), name: name.clone() };
             // A link, say, or a library that ours needs: none does.
-            if !file.is_file() || !wanted.contains(&name) {
+            if !entry.is_file() || !places.contains(&name) {
                 return Err(no_library());
             }
-            known = true;
-            if self.contains(&name) {
-                continue;
-            }
-            let mut content = Vec::new();
-            // What it says of its size need not be true.
-            (&mut file).take(LIBRARY + 1).read_to_end(&mut content).map_err(read)?;
-            if content.len() as u64 > LIBRARY {
-                return Err(no_library());
-            }
+            let content = content(fmu, &mut entry, ENTRY)?.ok_or_else(no_library)?;
             if !contains(&content, guid) {
                 return Err(PackageError::OtherDescription { path: fmu.to_owned(), name });
             }
-            self.add(name.clone(), content)?;
-            merged.push(name);
+            libraries.add(name, content)?;
         }
-        if known { Ok(merged) } else { Err(PackageError::NothingToMerge { path: fmu.to_owned() }) }
+        if libraries.entries.is_empty() {
+            return Err(PackageError::NoLibraries { path: fmu.to_owned() });
+        }
+        Ok(libraries)
+    }
+
+    /// Takes over, from another FMU, [`libraries`](Self::libraries) of platforms that this one lacks. Gives their places.
+    ///
+    /// # Errors
+    /// As [`libraries`](Self::libraries).
+    pub fn merge_binaries(
+        &mut self,
+        fmu: &Path,
+        places: &[String],
+        guid: &[u8],
+    ) -> Result<Vec<String>, PackageError> {
+        let mut merged = Vec::new();
+        for (name, content) in Self::libraries(fmu, places, guid)?.entries {
+            if !self.contains(&name) {
+                merged.push(name.clone());
+                self.insert(name, content)?;
+            }
+        }
+        Ok(merged)
     }
 
     /// The archive's bytes.
@@ -275,10 +292,29 @@ impl Package {
     }
 }
 
-/// Largest FMU that is read, largest library in it, and all that it unpacks to, in bytes.
+/// Opens an archive. Its entries are read one by one: what they unpack to is bounded, and held once.
+fn open(file: &Path) -> Result<ZipArchive<BufReader<File>>, PackageError> {
+    let read = |source| PackageError::Read { path: file.to_owned(), source };
+    let opened = BufReader::new(input::open(file, FMU).map_err(read)?);
+    ZipArchive::new(opened).map_err(|source| archive(file, source))
+}
+
+fn archive(file: &Path, source: zip::result::ZipError) -> PackageError {
+    PackageError::Archive { path: file.to_owned(), source }
+}
+
+/// Content of an entry; none if it is larger than `limit`, whatever it says of its size.
+fn content(file: &Path, entry: &mut impl Read, limit: u64) -> Result<Option<Vec<u8>>, PackageError> {
+    let mut content = Vec::new();
+    let read = |source| PackageError::Read { path: file.to_owned(), source };
+    entry.take(limit + 1).read_to_end(&mut content).map_err(read)?;
+    Ok(Some(content).filter(|content| content.len() as u64 <= limit))
+}
+
+/// Largest FMU that is read, largest file in it (a library, a learned model), and all that it unpacks to, in bytes.
 const FMU: u64 = 256 << 20;
-const LIBRARY: u64 = 64 << 20;
-const UNPACKED: u64 = 1 << 30;
+const ENTRY: u64 = input::MODEL;
+const UNPACKED: u64 = 256 << 20;
 /// Most files in an FMU.
 const ENTRIES: usize = 10_000;
 

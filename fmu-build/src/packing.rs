@@ -181,8 +181,8 @@ impl Fmu {
             let is_ours = fmu.file_stem().is_some_and(|stem| stem == name);
             // One that says of no version is taken for what is wanted: what is wrong with it is said when it is merged.
             if is_ours && standard_of(fmu)?.is_none_or(|found| found == standard) {
-                let wanted: Vec<_> = standard.platforms().iter().map(|place| entry_of(place, name)).collect();
-                let names = package.merge_binaries(fmu, &wanted, standard.mark_of(xml).as_bytes())?;
+                let places = library_places(standard, name);
+                let names = package.merge_binaries(fmu, &places, standard.mark_of(xml).as_bytes())?;
                 for entry in &names {
                     check_place(package, fmu, entry, standard)?;
                 }
@@ -203,7 +203,12 @@ pub fn standard_of(fmu: &Path) -> Result<Option<Standard>, PackageError> {
 }
 
 /// Checks that a library exports what it must, and is for the platform in whose folder it lies.
-fn check_place(package: &Package, fmu: &Path, entry: &str, standard: Standard) -> Result<(), FmuError> {
+pub(crate) fn check_place(
+    package: &Package,
+    fmu: &Path,
+    entry: &str,
+    standard: Standard,
+) -> Result<(), FmuError> {
     let path = fmu.join(entry);
     let found = Library::check_bytes(&path, package.get(entry).unwrap_or_default(), standard)?;
     let folder = entry.split('/').nth(1).unwrap_or_default().to_owned();
@@ -212,6 +217,11 @@ fn check_place(package: &Package, fmu: &Path, entry: &str, standard: Standard) -
     } else {
         Err(FmuError::Platform { path, found: found.platform, folder })
     }
+}
+
+/// Where an FMU's libraries may lie in it.
+pub(crate) fn library_places(standard: Standard, name: &str) -> Vec<String> {
+    standard.platforms().iter().map(|platform| entry_of(platform, name)).collect()
 }
 
 fn entry_of(platform: &str, name: &str) -> String {

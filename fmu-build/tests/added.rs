@@ -268,6 +268,20 @@ fn a_file_that_a_start_value_names_is_packed() {
         let error = add_start(&mut shipped::fmus(), &format!("{parameter}={}", at(file))).unwrap_err();
         assert!(error.to_string().contains(&at(file)), "{parameter} {file}: {error}");
     }
+    // What may name no file is empty; what must name one says so.
+    for (text, words) in [
+        ("RflMpc.residual.file=", None),
+        ("RflMpc.controller_file=", None),
+        ("PassengerCar.road_file=", None),
+        ("RflMpc.path_file=", Some("path_file is empty")),
+        ("RflMpc.vehicle_file=", Some("vehicle_file is empty")),
+    ] {
+        let mut fmus = shipped::fmus();
+        add_start(&mut fmus, text).unwrap();
+        let error = try_added(&fmus, &project()).err().map(|error| error.to_string());
+        assert!(error.as_ref().map(|_| true) == words.map(|_| true), "{text}: {error:?}");
+        assert!(words.is_none_or(|words| error.unwrap().contains(words)), "{text}");
+    }
     // A name below a folder of the resources that is none of theirs shows when the FMU is tried.
     let mut fmus = shipped::fmus();
     add_start(&mut fmus, "PassengerCar.vehicle_file=vehicles/none.toml").unwrap();

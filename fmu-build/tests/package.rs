@@ -186,6 +186,27 @@ fn an_fmu_of_others_is_not_changed() {
     for name in ["../evil", "resources/../../evil", "/etc/evil", "resources\\evil", "C:/evil"] {
         refused(&[(description, xml), (name, "")], name);
     }
+    // One that no host could load, and one whose library is of another FMU, or no library.
+    let library = "binaries/linux64/SteeringLag.so";
+    let guid = rfl_mpc::fmi::v2::guid_of(xml).unwrap();
+    refused(&[(description, xml)], "holds no library");
+    refused(&[(description, xml), (library, "another's")], "for another description");
+    refused(&[(description, xml), ("binaries/linux64/Other.so", guid)], "Other.so");
+    refused(&[(description, xml), (library, guid)], "no shared library");
+    // What swells is not unpacked: the cause is said, and that one alone.
+    let swollen = "0".repeat((64 << 20) + 1);
+    refused(
+        &[(description, xml), ("resources/a", &swollen)],
+        "holds `resources/a`, which is larger than 64 MB unpacked, as",
+    );
+    refused(&[(description, &swollen)], "holds `modelDescription.xml`, which is larger");
+    let part = &swollen[..60 << 20];
+    let parts: Vec<_> = ["a", "b", "c", "d", "e"].map(|name| format!("resources/{name}")).into();
+    let many: Vec<_> = parts.iter().map(|name| (name.as_str(), part)).chain([(description, xml)]).collect();
+    refused(&many, "is larger than 256 MB unpacked, as");
+    let names: Vec<_> = (0..=10_000).map(|i| format!("resources/{i}")).collect();
+    let many: Vec<_> = names.iter().map(|name| (name.as_str(), "")).chain([(description, xml)]).collect();
+    refused(&many, "holds 10002 files, more than 10000, as");
     std::fs::write(&file, "no archive").unwrap();
     assert!(matches!(Base::read(&file, &[toy()]), Err(FmuError::Package(PackageError::Archive { .. }))));
     assert!(matches!(Base::read(Path::new("none.fmu"), &[toy()]), Err(FmuError::Package(_))));
@@ -280,7 +301,7 @@ fn libraries_of_other_platforms_are_merged() {
     let error = refused(&[(WIN, &std::fs::read(toy_library()).unwrap())]);
     assert!(matches!(error, FmuError::Platform { .. }), "{error}");
     let error = refused(&[]);
-    assert!(matches!(error, FmuError::Package(PackageError::NothingToMerge { .. })), "{error}");
+    assert!(matches!(error, FmuError::Package(PackageError::NoLibraries { .. })), "{error}");
 
     // An archive of a stranger: names that climb, or that no host finds, and libraries that swell.
     let mut bomb = marked.clone();
