@@ -38,6 +38,7 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
+from typing import NoReturn
 
 import fmpy
 import fmpy.fmi2
@@ -59,6 +60,7 @@ from outcome import (
     check_files,
     exit_status,
     figures_help,
+    is_junit,
     step_times,
     tracking,
     write_junit,
@@ -427,6 +429,9 @@ def _loop(
                 far = f"{referee.driven:.0f} of {length:.0f} m"
                 reason = f"the vehicle stood before the end of the road ({far}), control status {word}"
                 break
+            if astray := referee.astray:
+                outcome, reason = LOST, astray
+                break
             write_plant(answer[:commands])
             if jacobi:
                 controller.step(now, step)
@@ -487,19 +492,42 @@ def junit_class(options: argparse.Namespace) -> str:
 
 
 def failed(error: Exception, options: argparse.Namespace) -> int:
-    """Says why there is no drive; an older JUnit file would say how another one went."""
+    """Says why there is no drive."""
     print(f"closed_loop: {error}", file=sys.stderr)
-    if options.junit:
-        check = Check("outcome", False, str(error), error=True)
-        try:
-            write_junit(options.junit, "closed_loop.py", [(junit_class(options), 0.0, [check])])
-        except OSError as fault:
-            print(f"closed_loop: {fault}", file=sys.stderr)
+    report_error(str(error), options.junit, junit_class(options))
     return 1
 
 
+def report_error(words: str, junit: Path | None, case: str) -> None:
+    """Writes the JUnit file of a drive that is none: an older one would say how another drive went."""
+    if junit:
+        try:
+            write_junit(junit, "closed_loop.py", [(case, 0.0, [Check("outcome", False, words, error=True)])])
+        except OSError as fault:
+            print(f"closed_loop: {fault}", file=sys.stderr)
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors stand in the JUnit file that the words name, too."""
+
+    def error(self, message: str) -> NoReturn:
+        few = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+        for option in ("--junit", "--path"):
+            few.add_argument(option, type=Path)
+        for option in ("--junit-name", "--vehicle"):
+            few.add_argument(option)
+        try:
+            options, _ = few.parse_known_args()
+        except (argparse.ArgumentError, SystemExit):
+            options = argparse.Namespace(junit=None)
+        # What the words of a wrong call name cannot be told: a file that is no JUnit file is left alone.
+        if options.junit and (not options.junit.exists() or is_junit(options.junit)):
+            report_error(message, options.junit, junit_class(options))
+        super().error(message)
+
+
 def main() -> int:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         description=__doc__,
         epilog=f"{figures_help()}\n\n{STATUSES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -27,6 +27,7 @@ LANE = 2.0  # m of lateral error beyond which a vehicle has left its lane
 TURNED = 1.0  # rad of heading error beyond which it is lost
 STANDING_SPEED, STANDING_TIME = 0.05, 5.0  # m/s, s: slower for so long is a stop
 END_TOLERANCE = 5.0  # m by which a controller may see the road's end too early
+NO_RETURN = 100.0  # m from the road beyond which nothing more is learnt from a drive that is lost
 
 
 @dataclass(frozen=True)
@@ -104,6 +105,18 @@ class Referee:
     def stands(self) -> bool:
         """Whether the vehicle has stood long enough to be called stopped."""
         return self.standing is not None and self.place.time - self.standing >= STANDING_TIME
+
+    @property
+    def astray(self) -> str | None:
+        """Words for a vehicle that has left its lane and is not followed any farther: it is too far from its road."""
+        if self.departure is None:
+            return None
+        station = self.place.station
+        # A lap has no place beyond its ends.
+        distance = math.hypot(self.place.lateral_error, max(-station, station - self.length, 0.0))
+        where = f"at {self.place.time:.2f} s and station {station:.0f} m"
+        ended = f"it was {distance:.0f} m from its road, and the drive ended there, {where}"
+        return ended if distance > NO_RETURN else None
 
     def ending(self, outcome: str, reason: str) -> Ending:
         """The ending of a drive that came to this end; one that left its lane is lost."""
@@ -315,6 +328,11 @@ def write_whole(file: Path, text: str) -> None:
 def xml_text(text: str) -> str:
     """A text with a replacement for each character that XML 1.0 does not allow."""
     return re.sub("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "\ufffd", text)
+
+
+def is_junit(file: Path) -> bool:
+    """Whether a file is a JUnit file."""
+    return file.is_file() and b"<testsuite" in file.read_bytes()[:1000]
 
 
 def write_junit(file: Path, suite: str, cases: list[tuple[str, float, list[Check]]]) -> None:

@@ -19,19 +19,38 @@ pub const MODEL: u64 = 64 << 20;
 /// # Errors
 /// No ordinary file, too large, or not readable; the caller names the file.
 pub fn read(file: &Path, limit: u64) -> Result<Vec<u8>> {
+    ordinary(file)?;
+    // What a system makes up as it is read says that it is empty: the bytes are counted as they come.
+    let mut bytes = Vec::new();
+    File::open(file)?.take(limit + 1).read_to_end(&mut bytes)?;
+    within(bytes.len() as u64, limit)?;
+    Ok(bytes)
+}
+
+/// Opens a file of at most `limit` bytes, to be read at any place.
+///
+/// # Errors
+/// As [`read`].
+pub fn open(file: &Path, limit: u64) -> Result<File> {
+    within(ordinary(file)?.len(), limit)?;
+    File::open(file)
+}
+
+fn ordinary(file: &Path) -> Result<Metadata> {
     let about = std::fs::metadata(file)?;
     if !about.is_file() {
         let words = format!("it is {}, and no file", kind(&about));
         return Err(Error::new(ErrorKind::InvalidInput, words));
     }
-    // What a system makes up as it is read says that it is empty: the bytes are counted as they come.
-    let mut bytes = Vec::new();
-    File::open(file)?.take(limit + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > limit {
+    Ok(about)
+}
+
+fn within(bytes: u64, limit: u64) -> Result<()> {
+    if bytes > limit {
         let words = format!("it is larger than {} MB", limit >> 20);
         return Err(Error::new(ErrorKind::FileTooLarge, words));
     }
-    Ok(bytes)
+    Ok(())
 }
 
 /// Reads a text of at most [`TEXT`] bytes: UTF-8, UTF-16 or UTF-32.
@@ -54,6 +73,19 @@ pub(crate) fn toml_error(text: &str, error: &toml::de::Error) -> (usize, String)
         words.push_str("; a number has a decimal point, no comma");
     }
     (line, words)
+}
+
+/// True if a file is a named pipe: whoever opens it waits for the other end.
+#[cfg(unix)]
+pub(crate) fn is_pipe(file: &Path) -> bool {
+    use std::os::unix::fs::FileTypeExt;
+    std::fs::symlink_metadata(file).is_ok_and(|about| about.file_type().is_fifo())
+}
+
+/// True if a file is a named pipe: whoever opens it waits for the other end.
+#[cfg(not(unix))]
+pub(crate) fn is_pipe(_: &Path) -> bool {
+    false
 }
 
 /// Kind of a file that is not an ordinary one.
@@ -87,6 +119,9 @@ mod tests {
         std::fs::write(&file, "1234").unwrap();
         assert_eq!(read(&file, 4).unwrap(), b"1234");
         assert_eq!(read(&file, 3).unwrap_err().to_string(), "it is larger than 0 MB");
+        assert!(
+            open(&file, 4).is_ok() && open(&file, 3).is_err() && open(Path::new("/dev/zero"), 9).is_err()
+        );
         assert!(read(folder.path(), 9).unwrap_err().to_string().contains("a folder"));
         assert!(read(Path::new("/dev/zero"), 9).is_err());
         std::fs::write(&file, [0xff]).unwrap();

@@ -95,6 +95,20 @@ fn a_drive_off_the_road_is_lost_though_it_comes_back() {
 }
 
 #[test]
+fn a_lost_vehicle_is_not_followed_far_from_its_road() {
+    let folder = tempfile::tempdir().unwrap();
+    // Ice and a storm: it slides off, and never stands.
+    let storm = ["--set", "effect.road_friction=0.05", "--set", "effect.wind_y=40"];
+    let (status, said, json) = drive(folder.path(), &storm);
+    assert_eq!((status, json["outcome"].as_str()), (Some(4), Some("lost")), "{said}");
+    assert!(said.contains("m from its road, and the drive ended there, at "), "{said}");
+    let [end, largest] = ["end", "largest"].map(|at| json[at]["lateral_error"].as_f64().unwrap().abs());
+    assert!(end == largest && end < 102.0, "{json}");
+    let rows = std::fs::read_to_string(folder.path().join("out/drive.csv")).unwrap().lines().count() - 1;
+    assert!((rows as f64 * 0.02 - json["end"]["time"].as_f64().unwrap() - 0.02).abs() < 1e-9, "{rows}");
+}
+
+#[test]
 fn a_plant_that_dies_leaves_log_and_results_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();
     let road = format!("{}/paths/hairpin_circuit.csv", env!("CARGO_MANIFEST_DIR"));
@@ -226,6 +240,34 @@ fn tyres_and_models_that_are_read_are_not_written_over() {
     assert!(
         std::fs::read(at(tir)).unwrap() == tyre && std::fs::read(at("m/rfl.rflm")).unwrap() == b"a model"
     );
+}
+
+#[test]
+fn a_call_that_is_wrong_leaves_no_older_junit_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("drive.xml");
+    let named = format!("--junit={}", file.display());
+    for words in [
+        &["--require", "max_e9<=1", "--junit", "drive.xml"][..],
+        &["--junit", "drive.xml", "--no-such-option"],
+        &[&named, "--step", "0.02s"],
+    ] {
+        std::fs::write(&file, "<testsuites><testsuite/></testsuites>").unwrap();
+        let output = rfl(folder.path(), &[&["drive", "--path", "road.csv"], words].concat());
+        assert_eq!(output.status.code(), Some(2));
+        let xml = std::fs::read_to_string(&file).unwrap();
+        assert!(
+            xml.contains("<error ") && xml.contains("rfl.drive.c_class.road") && !xml.contains("Usage"),
+            "{xml}"
+        );
+    }
+    // Nobody knows what a wrong call means to name.
+    std::fs::write(&file, "x,y\n").unwrap();
+    assert_eq!(
+        rfl(folder.path(), &["drive", "--junit", "drive.xml", "--no-such-option"]).status.code(),
+        Some(2)
+    );
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), "x,y\n");
 }
 
 #[test]

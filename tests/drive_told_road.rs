@@ -135,9 +135,11 @@ fn a_drive_begins_where_it_is_set_to() {
     assert_eq!(json["outcome"], "completed", "{said}");
     assert!((column(folder.path(), "y")[0] - 0.5).abs() < 1e-12 && column(folder.path(), "vx")[0] == 4.0);
     assert!((worst(&json) - 0.5).abs() < 0.05, "{said}");
-    for (setting, words) in
-        [("initial.y=far", "'far' is not a number"), ("initial.vy=1", "no number 'initial.vy'")]
-    {
+    for (setting, words) in [
+        ("initial.y=far", "'far' is not a number"),
+        ("initial.vy=1", "no number 'initial.vy'"),
+        ("initial.x=1e300", "outside its range [-10000000, 10000000]"),
+    ] {
         let output = rfl(folder.path(), &["drive", "--path", &path, "--set", setting]);
         assert!(!output.status.success() && text(&output.stderr).contains(words), "{}", text(&output.stderr));
     }

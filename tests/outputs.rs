@@ -101,6 +101,20 @@ fn a_vehicle_with_tyres_elsewhere_is_calibrated_inside_the_folder() {
 }
 
 #[test]
+fn a_pipe_that_nobody_reads_is_said() {
+    use std::io::{BufRead, BufReader};
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("pipe");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let mut waiting = start(folder.path(), &["course", "--route", "sudoku_turns", "--out", "pipe"]);
+    let mut said = String::new();
+    BufReader::new(waiting.stderr.as_mut().unwrap()).read_line(&mut said).unwrap();
+    assert!(said.contains("pipe: is a pipe") && said.contains("waits"), "{said}");
+    assert!(fs::read_to_string(&pipe).unwrap().starts_with("x,"));
+    assert!(waiting.wait().unwrap().success());
+}
+
+#[test]
 fn links_and_devices_stay_what_they_are() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);

@@ -31,6 +31,19 @@ fn with_column(name: &str, values: &[&str]) -> String {
 }
 
 #[test]
+fn a_bank_that_no_road_has_in_radians_is_said() {
+    for (name, value, warned) in
+        [("bank", "0.7", true), ("grade", "-0.7", true), ("bank", "0.57", false), ("bank [deg]", "33", false)]
+    {
+        let path = read(&with_column(name, &["0", "0", value, "0", value])).unwrap();
+        let said: Vec<&str> =
+            path.notes().iter().filter(|note| note.warning).map(|note| note.text.as_str()).collect();
+        assert_eq!(said.len(), usize::from(warned), "{said:?}");
+        said.iter().for_each(|words| has(words, &["line 4", name, "40 degrees", "1 more rows", "[deg]"]));
+    }
+}
+
+#[test]
 fn our_format_is_read() {
     let path = read(
         "x,y,speed,bank,grade,friction,class\n0,0,10,0.01,0.02,0.9,straight\n5,0,,,,,\n10,0,12,0.03,0,1,sweeper\n",
@@ -330,6 +343,21 @@ fn what_is_not_used_is_said() {
     let path = read(&format!("x,y\n{}", rows.collect::<String>())).unwrap();
     assert!(!path.is_periodic());
     has(&path.notes()[0].text, &["passes its start again at point 12", "of 146"]);
+}
+
+#[test]
+fn two_laps_in_one_are_said_and_one_is_not() {
+    for laps in [1, 2] {
+        let point = |i: i32| {
+            let (sin, cos) = (f64::from(i) * std::f64::consts::TAU / 100.0).sin_cos();
+            format!("{:.3},{:.3}\n", 50.0 * cos, 50.0 * sin)
+        };
+        let path = read(&format!("x,y\n{}", (0..100 * laps).map(point).collect::<String>())).unwrap();
+        assert!(path.is_periodic());
+        let said =
+            path.notes().iter().any(|note| note.warning && note.text.contains("passes its start again"));
+        assert_eq!(said, laps == 2, "{:?}", path.notes());
+    }
 }
 
 #[test]

@@ -163,6 +163,28 @@ fn what_only_looks_like_a_number_is_refused_with_row_and_column() {
 }
 
 #[test]
+fn a_row_that_begins_with_a_spreadsheets_error_is_no_comment() {
+    for error in ["#N/A", "#NV", "#VALUE!", "#REF!", "#DIV/0!"] {
+        for end in [",", ";"] {
+            let text = format!("x,y\n0,0\n#comment\n{error},0\n2,0\n").replace(',', end);
+            has(&road(text.as_bytes()).unwrap_err().to_string(), &["road.csv, line 4", "column `x`", error]);
+        }
+        let read = log(format!("time,vx\n0,1\n{error},2\n0.04,{error}\n").as_bytes());
+        let [time, vx] = ["time", "vx"].map(|name| read.column(name).unwrap());
+        assert!(time.len() == 3 && time[1].is_nan() && vx[1] == 2.0 && vx[2].is_nan(), "{error}");
+    }
+}
+
+#[test]
+fn empty_lines_are_passed_over_and_counted() {
+    for (end, many) in [("\n", 3_000_000), ("\r\n", 70_000), ("\r", 70_000)] {
+        let text = format!("x,y{end}0,0{end}{}1,0{end}{end}  {end}2,far{end}", end.repeat(many));
+        let line = format!("line {}", many + 6);
+        has(&road(text.as_bytes()).unwrap_err().to_string(), &["road.csv", &line, "far"]);
+    }
+}
+
+#[test]
 fn values_that_no_road_has_are_refused_with_row_and_column() {
     for (column, value) in
         [("friction", "0"), ("friction", "-0.5"), ("friction", "0.0000"), ("bank", "1.2"), ("grade", "-7")]

@@ -131,10 +131,14 @@ pub fn main(words: impl IntoIterator<Item = OsString>) -> u8 {
     let cli = matches.and_then(|found| Cli::from_arg_matches(&found));
     let cli = cli.unwrap_or_else(|error| {
         let name = words.get(1).and_then(|word| word.to_str()).unwrap_or_default();
-        match command.find_subcommand_mut(name) {
-            Some(own) => worded(error, own).exit(),
-            None => error.exit(),
+        let error = match command.find_subcommand_mut(name) {
+            Some(own) => worded(error, own),
+            None => error,
+        };
+        if name == drive::NAME && error.use_stderr() {
+            drive::report_usage(&words, &error);
         }
+        error.exit()
     });
     match cli.run() {
         Ok(status) => status,
@@ -177,11 +181,14 @@ pub fn arguments<T: Args>(command: &'static str, words: &[String]) -> Result<T, 
     let options = clap::Command::new(command).no_binary_name(true).disable_help_flag(true);
     let mut command = T::augment_args(options).allow_negative_numbers(true);
     let read = command.try_get_matches_from_mut(words).and_then(|found| T::from_arg_matches(&found));
-    read.map_err(|error| {
-        let said = worded(error, &mut command).to_string();
-        let words = said.split("\n\nUsage:").next().unwrap_or_default();
-        words.trim().trim_start_matches("error: ").to_owned().into()
-    })
+    read.map_err(|error| said(&worded(error, &mut command)).into())
+}
+
+/// The words of an error, without those on the usage.
+fn said(error: &clap::Error) -> String {
+    let said = error.to_string();
+    let words = said.split("\n\nUsage:").next().unwrap_or_default();
+    words.trim().trim_start_matches("error: ").to_owned()
 }
 
 /// Output of `warn!`.

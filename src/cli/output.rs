@@ -1,5 +1,6 @@
 //! Files that commands write (see [`crate::output`]), with errors that name them.
 
+use crate::input::is_pipe;
 use crate::output::{self, HeldFolder};
 use std::error::Error;
 use std::fmt::Display;
@@ -24,6 +25,9 @@ fn check_name(file: &Path) -> Result<(), Box<dyn Error>> {
 /// The file with its fault.
 pub(super) fn check_writable(file: &Path) -> Result<(), Box<dyn Error>> {
     check_name(file)?;
+    if is_pipe(file) {
+        warn!("note: {}: is a pipe; the command waits there for a program that reads it", file.display());
+    }
     output::check_writable(file).map_err(|error| named(file, error))
 }
 

@@ -140,7 +140,13 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         read_groups(&mut groups, v.parameters, values);
         write_groups(&groups, v.parameters, values);
 
-        let file = context.locate(values.string(v.path_file));
+        let name = values.string(v.path_file);
+        if name.is_empty() {
+            return Err(failed(format!(
+                "path_file is empty; it names the path to follow, a CSV file with columns x, y. The FMU's own is {DEFAULT_PATH}"
+            )));
+        }
+        let file = context.locate(name);
         let path = Path::read(&file).map_err(|error| {
             let place = if file.is_relative() {
                 ". A relative name is one in the FMU's folder resources/, else in the host's working folder"

@@ -26,13 +26,16 @@ pub use truck_rfl_mpc::TruckRflMpc;
 use crate::fmi::{Context, ModelError, Variable, VariableKind};
 use crate::vehicle::VehicleParameters;
 
+/// Where a file that a parameter names is looked for, as descriptions say it: see [`Context::locate`].
+const PLACES: &str = "absolute, or in the FMU's resources, else in the host's working folder";
+
 /// The parameter by which plant and controller are told the vehicle; `what` people call it.
 fn vehicle_file_parameter<V: VehicleParameters>(what: &str) -> Variable {
     Variable::parameter_of(
         VariableKind::String { start: V::BUILTIN[0].into() },
         "vehicle_file",
         format!(
-            "The {what}: a vehicle file (TOML), absolute or in the FMU's resources, or a built-in {what} ({}). \
+            "The {what}: a vehicle file (TOML), {PLACES}; or a built-in {what} ({}). \
              Parameters that the host sets itself win over the file",
             V::BUILTIN.join(", ")
         ),
@@ -41,6 +44,12 @@ fn vehicle_file_parameter<V: VehicleParameters>(what: &str) -> Variable {
 
 /// The vehicle that `vehicle_file` names.
 fn vehicle_named<V: VehicleParameters>(name: &str, context: &Context) -> Result<V, ModelError> {
+    if name.is_empty() {
+        let (kind, builtin) = (V::KIND, V::BUILTIN.join(", "));
+        return Err(failed(format!(
+            "vehicle_file is empty; name a vehicle file, or a built-in {kind}: {builtin}"
+        )));
+    }
     V::named(name, |name| context.locate(name)).map_err(failed)
 }
 

@@ -7,7 +7,7 @@
 mod delegate;
 
 pub(super) use self::delegate::delegate;
-use super::{failed, vehicle_file_parameter, vehicle_named};
+use super::{PLACES, failed, vehicle_file_parameter, vehicle_named};
 use crate::fmi::{
     Context, Declaration, DefaultExperiment, Log, LogCategory, Model, ModelError, Seconds, Severity, Values,
     Variable, VariableKind, Vr,
@@ -30,9 +30,9 @@ pub const INITIAL: [Parameter; 4] = {
         Parameter { name, unit, default: 0.0, min: -most, max: most, integer: false, choices: None, meaning }
     }
     [
-        initial("initial.x", Unit::METRE, f64::INFINITY, "East position at the start"),
-        initial("initial.y", Unit::METRE, f64::INFINITY, "North position at the start"),
-        initial("initial.yaw", Unit::RADIAN, f64::INFINITY, "Yaw angle at the start"),
+        initial("initial.x", Unit::METRE, signal::X.range.1, "East position at the start"),
+        initial("initial.y", Unit::METRE, signal::Y.range.1, "North position at the start"),
+        initial("initial.yaw", Unit::RADIAN, signal::YAW.range.1, "Yaw angle at the start"),
         initial("initial.vx", Unit::METRE_PER_SECOND, 60.0, "Speed at the start"),
     ]
 };
@@ -193,11 +193,10 @@ fn declare<P: PlantUnit>() -> (Declaration, References) {
     let road_file = d.add(Variable::parameter_of(
         VariableKind::String { start: "".into() },
         "road_file",
-        "Road with bank, grade and friction (path CSV), absolute or in resources/; empty: level road",
+        format!("Road with bank, grade and friction (path CSV), {PLACES}. Empty: level road"),
     ));
     let [initial, ..] = INITIAL.map(|Parameter { name, unit, default, min, max, meaning, .. }| {
-        let variable = Variable::parameter(name, unit, default, meaning);
-        d.add(if min.is_finite() { variable.range(min, max) } else { variable })
+        d.add(Variable::parameter(name, unit, default, meaning).range(min, max))
     });
 
     let default = default_of::<P>();

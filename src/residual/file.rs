@@ -81,9 +81,12 @@ pub enum FileError {
         /// The error itself.
         cause: Box<FileError>,
     },
-    /// It cannot be read or written.
-    #[error("cannot be read or written: {0}; check the name and the permission")]
-    Io(#[from] std::io::Error),
+    /// It cannot be read.
+    #[error("cannot be read: {0}; check the name and the permission")]
+    Read(std::io::Error),
+    /// It cannot be written.
+    #[error("cannot be written: {0}; check the name and the permission")]
+    Write(std::io::Error),
     /// It is something else.
     #[error(
         "is no residual model: it begins neither with `{}` nor with `{}`; give a file that `rfl train` wrote",
@@ -216,7 +219,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     /// # Errors
     /// A file that cannot be read or is no model.
     pub fn read(file: &Path) -> Result<Self, FileError> {
-        in_file(file, || Self::from_bytes(&input::read(file, input::MODEL)?))
+        in_file(file, || Self::from_bytes(&input::read(file, input::MODEL).map_err(FileError::Read)?))
     }
 
     /// Writes the model's file.
@@ -224,7 +227,7 @@ impl<V: LateralVehicle<S>, const S: usize> ResidualModelFor<V, S> {
     /// # Errors
     /// A file that cannot be written.
     pub fn write(&self, file: &Path) -> Result<(), FileError> {
-        in_file(file, || Ok(crate::output::write_bytes(file, self.to_bytes()?)?))
+        in_file(file, || crate::output::write_bytes(file, self.to_bytes()?).map_err(FileError::Write))
     }
 
     /// Checks that look-ups can rely on the model, whoever wrote it.

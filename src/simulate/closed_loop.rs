@@ -208,7 +208,8 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         Ok(())
     }
 
-    /// Drives until the road's end or a stop, or for `duration` seconds at most.
+    /// Drives until the road's end or a stop, or for `duration` seconds at most; a lost vehicle until it is far from its
+    /// road.
     ///
     /// # Errors
     /// Controller or vehicle cannot go on.
@@ -288,7 +289,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
             } else if self.referee.stands() {
                 Some(End::Standing { status: report.status })
             } else {
-                None
+                self.referee.astray().map(|distance| End::Astray { distance })
             };
             let moved = self.follow(&input).map_err(End::Failed).err();
             if let Some(reason) = over.or(moved) {

@@ -13,6 +13,8 @@
 //! A vehicle that is placed beside its lane is to come in first: its lane is left from then on. The reason says where it
 //! began and came in, and the errors count from the start.
 //!
+//! A drive whose outcome is `lost` goes on, for it may come back, as long as it is within [`NO_RETURN`] of its road.
+//!
 //! The controller's own estimate decides nothing: a false sample at the road's end completes no drive.
 
 use crate::control::{ControlStatus, StepError};
@@ -38,6 +40,8 @@ const STANDING_TIME: f64 = 5.0;
 const END_TOLERANCE: f64 = 5.0;
 /// Distance from the path, m, from which on the projection may belong to another part of it.
 const ASTRAY: f64 = 14.0;
+/// Distance, m, from the road beyond which nothing more is learnt from a drive that is lost.
+const NO_RETURN: f64 = 100.0;
 
 /// Bounds beyond which a vehicle is lost.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,6 +92,8 @@ pub enum End {
     Road,
     /// The vehicle stood; with the controller's status then.
     Standing { status: ControlStatus },
+    /// The vehicle had left its lane, and was farther from its road than a lost drive is followed; the distance, m.
+    Astray { distance: f64 },
     /// The caller had seen enough.
     GivenUp,
     /// Controller or vehicle could not go on.
@@ -160,6 +166,10 @@ impl Ending {
                 };
                 format!("the vehicle stood {left} m before the end of the road ({:.0} m), {why}", self.length)
             }
+            End::Astray { distance } => format!(
+                "it was {distance:.0} m from its road, and the drive ended there, at {:.2} s and station {:.0} m",
+                self.place.time, self.place.station
+            ),
             End::GivenUp => "the drive was given up".to_owned(),
             End::Failed(error) => error.to_string(),
         };
@@ -289,13 +299,24 @@ impl Referee {
         }
     }
 
+    /// Distance from the road, m, of a vehicle that has left its lane and is not followed any farther.
+    ///
+    /// One that was never within its lane may be on its way there, from however far.
+    pub fn astray(&self) -> Option<f64> {
+        self.departure?;
+        let place = self.place?;
+        let beyond =
+            if self.periodic { 0.0 } else { (place.station - self.length).max(-place.station).max(0.0) };
+        Some(place.lateral_error.hypot(beyond)).filter(|distance| *distance > NO_RETURN)
+    }
+
     /// Outcome of a drive that ended so.
     pub fn ending(&self, end: End) -> Ending {
         let place = self.place.unwrap_or_default();
         // Never within its lane: it had left it before the first step.
         let departure = self.departure.or(self.place.filter(|_| !self.entered));
         let outcome = match end {
-            End::Failed(_) | End::GivenUp => Outcome::Lost,
+            End::Failed(_) | End::GivenUp | End::Astray { .. } => Outcome::Lost,
             _ if departure.is_some() => Outcome::Lost,
             End::Road => Outcome::Completed,
             End::Standing { .. } => Outcome::Stopped,
@@ -356,6 +377,30 @@ mod tests {
         let turned = driven(100, |s| [s, 0.0, if s > 60.0 { 1.2 } else { 0.0 }]).ending(End::Road);
         assert_eq!(turned.outcome, Outcome::Lost);
         assert!(turned.reason().contains("turned by 1.20 rad"), "{}", turned.reason());
+    }
+
+    #[test]
+    fn only_a_lost_vehicle_is_not_followed_far_from_its_road() {
+        let leaves = |by: f64| driven(80, move |s| [s, if s < 20.0 { 0.0 } else { by }, 0.0]);
+        assert_eq!(leaves(99.0).astray(), None);
+        assert!((leaves(-101.0).astray().unwrap() - 101.0).abs() < 1e-6);
+        // A lane of that width was not left.
+        let mut wide = leaves(101.0);
+        wide.departure = None;
+        assert_eq!(wide.astray(), None);
+        // Beside the lane from the beginning: it may come in.
+        assert_eq!(driven(80, |s| [s, 150.0, 0.0]).astray(), None);
+        // Off the lane, and on beyond the road's end.
+        let beyond = driven(250, |s| [s, if s == 40.0 { 3.0 } else { 0.0 }, 0.0]);
+        let distance = beyond.astray().unwrap();
+        assert!((distance - 150.0).abs() < 1e-6, "{distance}");
+        let reason = beyond.ending(End::Astray { distance }).reason();
+        assert!(
+            reason.ends_with(
+                "later it was 150 m from its road, and the drive ended there, at 25.00 s and station 250 m"
+            ),
+            "{reason}"
+        );
     }
 
     #[test]

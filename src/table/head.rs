@@ -40,7 +40,7 @@ pub(super) fn find(lines: &[String], known: &dyn Fn(&str) -> bool) -> Head {
         .skip(start)
         .filter_map(|(index, line)| {
             let line = text::trim(line, delimiter == b'\t');
-            let comment = text::comment(line);
+            let comment = text::comment(line, delimiter);
             let said = comment.unwrap_or(line);
             (!said.trim().is_empty()).then(|| Line {
                 index,
@@ -88,7 +88,7 @@ fn most_numbers(lines: &[String]) -> u8 {
         let (mut numbers, mut fields) = (0, 0);
         for line in lines {
             let line = text::trim(line, delimiter == b'\t');
-            let comment = text::comment(line);
+            let comment = text::comment(line, delimiter);
             let row = split(comment.unwrap_or(line), delimiter);
             if row.len() < 2 {
                 continue;

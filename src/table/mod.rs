@@ -7,12 +7,12 @@
 //! | commas, semicolons, tabs, bars or blanks | the delimiter by which most fields of the head are numbers; a line `sep=;` decides |
 //! | thousands apart (`"1,234.5"`, `1.234,5`, `1 234,5` with a hard blank), a minus of typography | read where the number shows it |
 //! | decimal commas | with any other delimiter than commas; a file that mixes commas and points is refused |
-//! | lines of comment (`#`, `%`), blank lines | skipped; names may stand in a comment (racing lines) |
+//! | lines of comment (`#`, `%`), blank lines | skipped; names may stand in a comment (racing lines); `#N/A,1,2` is none |
 //! | a block before the names (`"Venue","Test"`) | names are the row before the numbers that has most known names |
 //! | a row of units below the names, or `vx [km/h]` | kept beside the name ([`Header::units`]) |
 //! | UTF-8, UTF-16, UTF-32, Latin-1, a byte order mark | by mark, by zero bytes, and line by line |
 //! | lines that end in a carriage return alone | by the beginning of the file |
-//! | `n/a`, `null`, `-1.#IND` and the like | a missing value ([`Row::is_missing`]) |
+//! | `n/a`, `null`, `-1.#IND`, `#REF!` and the like | a missing value ([`Row::is_missing`]) |
 //! | gzip (feature `cli`) | by the file's ending or its first bytes |
 //!
 //! The meaning of a name is the caller's business, and so are units unknown here. Rows are read as a stream, and never
@@ -61,10 +61,9 @@ use std::io::Read;
 use text::Lines;
 
 /// Words in place of a value, of spreadsheets, databases, C libraries and sensors.
-const MISSING: [&str; 34] = [
+const MISSING: [&str; 31] = [
     "na",
     "n/a",
-    "#n/a",
     "<na>",
     "null",
     "none",
@@ -82,8 +81,6 @@ const MISSING: [&str; 34] = [
     "1.#inf",
     "-1.#inf",
     "sna",
-    "#value!",
-    "#div/0!",
     "n.a.",
     "n/v",
     "void",
@@ -150,7 +147,9 @@ impl<'a> Row<'a> {
     #[must_use]
     pub fn is_missing(&self, column: usize) -> bool {
         let field = self.field(column);
-        field.is_empty() || MISSING.iter().any(|word| field.eq_ignore_ascii_case(word))
+        field.is_empty()
+            || text::is_spreadsheet_error(field)
+            || MISSING.iter().any(|word| field.eq_ignore_ascii_case(word))
     }
 
     /// A field with a decimal point, where this file writes commas.
@@ -285,13 +284,16 @@ impl<R: Read> DataLines<R> {
                 Some(line) => Some(line),
                 None => match self.cut_off.take() {
                     Some(error) => return Err(error),
-                    None => self.lines.next_line()?,
+                    None => {
+                        self.number += self.lines.skip_empty()?;
+                        self.lines.next_line()?
+                    }
                 },
             };
             let Some(line) = next else { return Ok(()) };
             self.number += 1;
             let text = text::trim(&line, self.delimiter == b'\t');
-            if text.trim().is_empty() || text::comment(text).is_some() {
+            if text.trim().is_empty() || text::comment(text, self.delimiter).is_some() {
                 continue;
             }
             self.count += 1;

@@ -29,6 +29,24 @@ impl<R: Read> Lines<R> {
         Ok(Self { reader, encoding, end, left: limit, limit, number: 0, latin1: false })
     }
 
+    /// Skips the empty lines that come next, and gives their number: a file may be full of them.
+    pub fn skip_empty(&mut self) -> Result<u64, TableError> {
+        let mut count = 0;
+        while let Encoding::Bytes = self.encoding {
+            let bytes = self.reader.fill_buf().map_err(|error| cause(error, self.number + 1))?;
+            let empty = bytes.iter().take_while(|byte| matches!(byte, b'\n' | b'\r')).count();
+            let Some(last) = bytes[..empty].iter().rposition(|byte| *byte == self.end) else { break };
+            let lines = bytes[..=last].iter().filter(|byte| **byte == self.end).count() as u64;
+            self.reader.consume(last + 1);
+            (self.number, count) = (self.number + lines, count + lines);
+            self.left = self
+                .left
+                .checked_sub(last as u64 + 1)
+                .ok_or(TableError::TooLarge { limit: self.limit, unpacked: false })?;
+        }
+        Ok(count)
+    }
+
     /// The next line without its end; `None` after the last one.
     pub fn next_line(&mut self) -> Result<Option<String>, TableError> {
         self.number += 1;
@@ -118,7 +136,21 @@ pub(super) fn trim(line: &str, tab: bool) -> &str {
     if tab { line.trim_matches([' ', '\r', '\n']) } else { line.trim_ascii() }
 }
 
-/// Text of a line of comment.
-pub(super) fn comment(line: &str) -> Option<&str> {
-    line.trim_start().strip_prefix(['#', '%'])
+/// Errors that spreadsheets write in place of a value, in English, German, French, Italian and Spanish.
+const SPREADSHEET_ERRORS: [&str; 20] = [
+    "#n/a", "#value!", "#ref!", "#div/0!", "#name?", "#num!", "#null!", "#spill!", "#calc!", "#nv", "#wert!",
+    "#bezug!", "#zahl!", "#n/d", "#valeur!", "#nom?", "#nombre!", "#nul!", "#valore!", "#nome?",
+];
+
+/// True if a field is the error of a spreadsheet.
+pub(super) fn is_spreadsheet_error(field: &str) -> bool {
+    SPREADSHEET_ERRORS.iter().any(|error| field.eq_ignore_ascii_case(error))
+}
+
+/// Text of a line of comment. A row whose first field is the error of a spreadsheet is none.
+pub(super) fn comment(line: &str, delimiter: u8) -> Option<&str> {
+    let line = line.trim_start();
+    let text = line.strip_prefix(['#', '%'])?;
+    let first = line.split(char::from(delimiter)).next().unwrap_or_default();
+    (!is_spreadsheet_error(first.trim_end())).then_some(text)
 }

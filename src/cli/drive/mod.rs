@@ -23,10 +23,11 @@ pub use stepwise::Stepwise;
 
 use super::files::{Named, check_files, given};
 use super::logs::LimitArgs;
-use super::progress_bar;
 use super::require::{Check, Requirement, figures_help, write_junit};
 use super::vehicle::{Commanded, VehicleLinearModel, by_kind};
+use super::{progress_bar, said};
 use crate::control::{ControlVariant, ControllerFile, ControllerFor, PredictionModelFor};
+use crate::input;
 use crate::path::{PathOptions, Smoothing};
 use crate::simulate::{LaneLimits, STATION};
 use crate::vehicle::{BUILTIN, VehicleParameters as _};
@@ -36,6 +37,7 @@ use sample_time::{keep_up_with, warn_of_long_steps};
 use serde_json::Value;
 use setup::Initial;
 use std::error::Error;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// Drives a car or a truck along a road with the MPC, natively, and says how well it tracked.
@@ -107,7 +109,7 @@ fn after_help() -> String {
 Exit status: 0 completed, or on the road when the --duration given was over; 1 bad input or a failure; 2 wrong usage;
 3 stopped before the road's end; 4 lost: off its lane, rolled over, jack-knifed, or it could not be driven on;
 5 timed out after {LONGEST} s; 6 a requirement is not met. An outcome that --require outcome=... asks for is 0. Log, JSON and JUnit file are written in each case from 3 on; with
-1 the JUnit file says the error.",
+1 and 2 the JUnit file says the error.",
         figures_help()
     )
 }
@@ -183,19 +185,7 @@ impl DriveArgs {
 
     /// Class of the test cases: drives of other vehicles or roads have others.
     fn junit_class(&self) -> String {
-        let of_file = |file: &Path| {
-            let folder =
-                file.parent().and_then(Path::file_name).map(|name| format!("{}.", name.to_string_lossy()));
-            format!(
-                "{}{}",
-                folder.unwrap_or_default(),
-                file.file_stem().unwrap_or_default().to_string_lossy()
-            )
-        };
-        self.junit_name.clone().unwrap_or_else(|| {
-            let road = self.path.as_deref().map_or("test_route".to_owned(), of_file);
-            format!("rfl.drive.{}.{road}", of_file(Path::new(&self.vehicle)))
-        })
+        self.junit_name.clone().unwrap_or_else(|| class_of(&self.vehicle, self.path.as_deref()))
     }
 
     /// Writes the JUnit file of a drive that is none: an older one would say how another drive went.
@@ -207,6 +197,43 @@ impl DriveArgs {
                 warn!("error: {error}");
             }
         }
+    }
+}
+
+/// Class of the test cases of a vehicle on a road.
+fn class_of(vehicle: &str, road: Option<&Path>) -> String {
+    let of_file = |file: &Path| {
+        let folder =
+            file.parent().and_then(Path::file_name).map(|name| format!("{}.", name.to_string_lossy()));
+        format!("{}{}", folder.unwrap_or_default(), file.file_stem().unwrap_or_default().to_string_lossy())
+    };
+    let road = road.map_or("test_route".to_owned(), of_file);
+    format!("rfl.drive.{}.{road}", of_file(Path::new(vehicle)))
+}
+
+/// The command's name.
+pub(super) const NAME: &str = "drive";
+
+/// Writes the JUnit file of a call that is none. It cannot be told what the words of such a call name: a file that is no JUnit
+/// file is left alone.
+pub(super) fn report_usage(words: &[OsString], error: &clap::Error) {
+    let words: Vec<&str> = words.iter().filter_map(|word| word.to_str()).collect();
+    let value = |option: &str| {
+        let at = words.iter().rposition(|word| {
+            word.strip_prefix(option).is_some_and(|rest| rest.is_empty() || rest.starts_with('='))
+        })?;
+        words[at].split_once('=').map(|(_, value)| value).or(words.get(at + 1).copied())
+    };
+    let Some(file) = value("--junit").map(Path::new) else { return };
+    let is_another = file.exists() && !input::read_text(file).is_ok_and(|text| text.contains("<testsuite"));
+    if is_another || file.to_string_lossy().starts_with('-') {
+        return;
+    }
+    let vehicle = value("--vehicle").unwrap_or(BUILTIN[0]);
+    let class = value("--junit-name")
+        .map_or_else(|| class_of(vehicle, value("--path").map(Path::new)), str::to_owned);
+    if let Err(error) = write_junit(file, "rfl drive", &class, 0.0, &[Check::error(said(error))]) {
+        warn!("error: {error}");
     }
 }
 

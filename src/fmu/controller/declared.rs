@@ -1,6 +1,6 @@
 //! The variables of a controller's FMU.
 
-use super::super::vehicle_file_parameter;
+use super::super::{PLACES, vehicle_file_parameter};
 use super::unit::{ControllerUnit, ParameterValues};
 use crate::control::{ControlStatus, ControlVariant, Propagation, RollOut};
 use crate::fmi::{Declaration, DefaultExperiment, LogCategory, Values, Variable, VariableKind, Vr};
@@ -261,7 +261,7 @@ fn add_parameters<U: ControllerUnit<S>, const S: usize>(
     let path_file = d.add(Variable::parameter_of(
         VariableKind::String { start: DEFAULT_PATH.into() },
         "path_file",
-        "Path to follow: a CSV file, absolute or in the FMU's resources",
+        format!("Path to follow: a CSV file, {PLACES}"),
     ));
     let vehicle_file = d.add(vehicle_file_parameter::<U::File>(U::WHAT));
     let variant = VariableKind::Enumeration {
@@ -277,8 +277,10 @@ fn add_parameters<U: ControllerUnit<S>, const S: usize>(
     let residual_file = d.add(Variable::parameter_of(
         VariableKind::String { start: "".into() },
         "residual.file",
-        "Learned model (from rfl train), absolute or in the FMU's resources. With variant none, or not set, the kind of \
-         model in the file decides; else it must be the variant's. Empty: the model packed for the variant",
+        format!(
+            "Learned model (from rfl train), {PLACES}. With variant none, or not set, the kind of model in the file \
+             decides; else it must be the variant's. Empty: the model packed for the variant"
+        ),
     ));
     let propagation =
         VariableKind::Enumeration { type_name: "Propagation", items: Propagation::ITEMS, start: 0 };
@@ -297,8 +299,10 @@ fn add_parameters<U: ControllerUnit<S>, const S: usize>(
     let controller_file = d.add(Variable::parameter_of(
         VariableKind::String { start: "".into() },
         "controller_file",
-        "Controller file (TOML, from rfl tune or rfl learn), absolute or in the FMU's resources. Its numbers count more \
-         than the vehicle file's; parameters that the host sets itself win over both",
+        format!(
+            "Controller file (TOML, from rfl tune or rfl learn), {PLACES}. Its numbers count more than the vehicle \
+             file's; parameters that the host sets itself win over both. Empty: none"
+        ),
     ));
     let report_warnings = d.add(Variable::parameter_of(
         VariableKind::Boolean { start: false },

@@ -60,7 +60,7 @@ impl<V, const D: usize, const O: usize> GpModelFor<V, D, O> {
     where
         V: GpVehicle<S, D, O>,
     {
-        in_file(file, || Self::from_bytes(&input::read(file, input::MODEL)?))
+        in_file(file, || Self::from_bytes(&input::read(file, input::MODEL).map_err(FileError::Read)?))
     }
 
     /// Writes the process's file.
@@ -71,7 +71,7 @@ impl<V, const D: usize, const O: usize> GpModelFor<V, D, O> {
     where
         V: LateralVehicle<S>,
     {
-        in_file(file, || Ok(crate::output::write_bytes(file, self.to_bytes()?)?))
+        in_file(file, || crate::output::write_bytes(file, self.to_bytes()?).map_err(FileError::Write))
     }
 }
 
