@@ -101,7 +101,7 @@ pub(super) struct Ordinary<'a> {
 /// The relations.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct Consistency {
-    before: Option<Signals>,
+    before: Option<[f64; ARTICULATION]>,
     yaw: Option<Reckoned<f64>>,
     place: Option<Reckoned<[f64; 2]>>,
     long: Sums,
@@ -154,13 +154,13 @@ impl Consistency {
         }
         let keep = 1.0 - (elapsed / SCALE_MEMORY).min(1.0);
         self.ways = self.ways.map(|way| way * keep);
-        let Some(before) = self.before.replace(*told) else { return };
-        let body = told.fixed_rows::<ARTICULATION>(0);
-        let finite = body.iter().chain(&before.fixed_rows::<ARTICULATION>(0)).all(|it| it.is_finite());
-        if !finite || old(3) {
+        let body: [f64; ARTICULATION] = std::array::from_fn(|i| told[i]);
+        let finite = body.iter().all(|value| value.is_finite());
+        let before = std::mem::replace(&mut self.before, finite.then_some(body));
+        let Some(before) = before.filter(|_| finite && !old(3)) else {
             (self.yaw, self.place) = (None, None);
             return;
-        }
+        };
         let rate_lives = !old(5);
         self.turn(told, before[5], old(2) || !rate_lives, ordinary, elapsed);
         let heading = match self.yaw {
@@ -284,7 +284,7 @@ impl Consistency {
     fn slip(
         &mut self,
         told: &Signals,
-        before: &Signals,
+        before: &[f64; ARTICULATION],
         heading: f64,
         is_old: bool,
         ordinary: &Ordinary,
