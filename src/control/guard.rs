@@ -393,13 +393,13 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         stale: OldSignals,
         elapsed: f64,
     ) -> ([bool; SIGNALS], bool) {
+        let old: [bool; SIGNALS] = std::array::from_fn(|i| stale.has(i) || state.resting.is_dead(i, told));
         if state.agreed >= ESTABLISHED {
             let scatter = state.scatter.map(|it| it.clamp(1.0, LARGEST_SPREAD));
             let variance = self.noise.component_mul(&scatter);
             let ordinary = Ordinary { variance: &variance, yaw_accel: self.yaw_accel };
-            let old = |i: usize| stale.has(i) || state.resting.is_dead(i, told);
             let outside = state.age.rows_range(PLACE).max();
-            state.consistency.observe(told, old, outside, &ordinary, track, elapsed);
+            state.consistency.observe(told, &old, outside, &ordinary, track, elapsed);
         }
         let mut believed = [true; SIGNALS];
         let mut contradicts = false;
@@ -407,8 +407,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             let off = difference(i, told[i], track.mean[i]);
             let units = off / (track.covariance[(i, i)] + self.noise[i]).sqrt();
             let spread = state.spread[i].clamp(1.0, LARGEST_SPREAD);
-            let old = stale.has(i) || state.resting.is_dead(i, told);
-            let old = old || state.consistency.is_at_fault(i);
+            let old = old[i] || state.consistency.is_at_fault(i);
             *believed = !old && units * units <= GATE * GATE * spread;
             contradicts |= !old && !*believed;
             let before = std::mem::replace(&mut state.missed[i], believed.then_some(units));

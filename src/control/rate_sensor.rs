@@ -33,7 +33,7 @@ const GATE: f64 = 6.0;
 /// Longest time for which a living sensor's rate rests to the bit, s.
 const LONGEST_REST: f64 = 0.2;
 /// Largest bias, rad/s, and scale that are believed.
-const LARGEST_BIAS: f64 = 0.1;
+pub(super) const LARGEST_BIAS: f64 = 0.1;
 const LARGEST_SCALE: f64 = 0.2;
 
 /// What is known of the yaw-rate sensor.

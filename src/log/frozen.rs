@@ -68,15 +68,26 @@ fn leave_out_of(log: &mut LogRows, names: &[&'static str]) {
         for (value, stretch) in found {
             let ends = log.spans.iter().any(|span| span.end == stretch.end);
             let (stays, then) = if ends { ("jumps and stays", "") } else { ("stays", " and jumps then") };
-            let words = format!(
-                "{name} {stays} at {value:.4} from row {} to row {}{then}: frozen; left out, like missing values",
-                log.number(stretch.start),
-                log.number(stretch.end - 1)
-            );
-            log.find(FindingSeverity::Warning, name, words);
-            log.leave_out(name, stretch);
+            leave_out_stretch(log, name, value, stretch, [stays, then]);
         }
     }
+}
+
+/// Leaves out a frozen stretch; in words, it `stays` at its value, and what else it does.
+fn leave_out_stretch(
+    log: &mut LogRows,
+    name: &'static str,
+    value: f64,
+    stretch: Range<usize>,
+    [stays, more]: [&str; 2],
+) {
+    let words = format!(
+        "{name} {stays} at {value:.4} from row {} to row {}{more}: frozen; left out, like missing values",
+        log.number(stretch.start),
+        log.number(stretch.end - 1)
+    );
+    log.find(FindingSeverity::Warning, name, words);
+    log.leave_out(name, stretch);
 }
 
 /// Sensors whose partners tell of their changes.
@@ -113,13 +124,8 @@ pub(super) fn leave_out_contradicted(log: &mut LogRows) {
             }
         }
         for (value, stretch, partner) in found {
-            let words = format!(
-                "{name} stays at {value:.4} from row {} to row {}, though {partner} tells that it changes: frozen; left out, like missing values",
-                log.number(stretch.start),
-                log.number(stretch.end - 1)
-            );
-            log.find(FindingSeverity::Warning, name, words);
-            log.leave_out(name, stretch);
+            let though = format!(", though {partner} tells that it changes");
+            leave_out_stretch(log, name, value, stretch, ["stays", &though]);
         }
     }
 }

@@ -29,8 +29,9 @@
 //! Source: Chow and Willsky, Analytical redundancy and the design of robust failure detection systems, IEEE Transactions on
 //! Automatic Control 29 (1984): parity relations of sensors.
 
+use super::super::rate_sensor::LARGEST_BIAS;
 use super::track::{Track, difference};
-use super::{ARTICULATION, GATE, GRIP, LARGEST_SCALE, Signals};
+use super::{ARTICULATION, GATE, GRIP, LARGEST_SCALE, SIGNALS, Signals};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
 
@@ -45,9 +46,8 @@ const JUDGED_AFTER: f64 = 0.08;
 /// Way, m, and time, s, after which what is learned is half learned.
 const WAY_PRIOR: f64 = 1.0;
 const TIME_PRIOR: f64 = 0.2;
-/// Change of the rate's bias that is none of this, rad/s, and the largest that is learned.
+/// Change of the rate's bias that is none of this, rad/s.
 const BIAS: f64 = 0.01;
-const LARGEST_BIAS: f64 = 0.1;
 /// Lateness of the yaw that is none, s.
 const LATENESS: f64 = 0.1;
 /// Change of the angle between yaw and course that is none, rad, and distance of sensors, m.
@@ -136,12 +136,12 @@ impl Sums {
 
 impl Consistency {
     /// Takes a measurement, `elapsed` seconds after the last one. `old`: signals that are stale or dead; `outside`: time for
-    /// which the place has been outside its gate, s. The filter's
-    /// knowledge from a sensor since its fault began is made uncertain in `track`.
+    /// which the place has been outside its gate, s. The filter's knowledge from a sensor since its fault began is made
+    /// uncertain in `track`.
     pub fn observe(
         &mut self,
         told: &Signals,
-        old: impl Fn(usize) -> bool,
+        old: &[bool; SIGNALS],
         outside: f64,
         ordinary: &Ordinary,
         track: &mut Track,
@@ -157,18 +157,18 @@ impl Consistency {
         let body: [f64; ARTICULATION] = std::array::from_fn(|i| told[i]);
         let finite = body.iter().all(|value| value.is_finite());
         let before = std::mem::replace(&mut self.before, finite.then_some(body));
-        let Some(before) = before.filter(|_| finite && !old(3)) else {
+        let Some(before) = before.filter(|_| finite && !old[3]) else {
             (self.yaw, self.place) = (None, None);
             return;
         };
-        let rate_lives = !old(5);
-        self.turn(told, before[5], old(2) || !rate_lives, ordinary, elapsed);
+        let rate_lives = !old[5];
+        self.turn(told, before[5], old[2] || !rate_lives, ordinary, elapsed);
         let heading = match self.yaw {
             // Of a receiver that is slower than the rate.
-            Some(yaw) if old(2) && rate_lives => yaw.from + yaw.by - 0.25 * (before[5] + told[5]) * elapsed,
+            Some(yaw) if old[2] && rate_lives => yaw.from + yaw.by - 0.25 * (before[5] + told[5]) * elapsed,
             _ => before[2] + 0.5 * difference(2, told[2], before[2]),
         };
-        self.slip(told, &before, heading, old(0), ordinary, elapsed);
+        self.slip(told, &before, heading, old[0], ordinary, elapsed);
         let rest = [2, 5].into_iter().all(|i| told[i] == before[i]);
         self.rested = if rest { self.rested + elapsed } else { 0.0 };
         let suspected = match outside {
