@@ -75,19 +75,6 @@ pub(crate) fn toml_error(text: &str, error: &toml::de::Error) -> (usize, String)
     (line, words)
 }
 
-/// True if a file is a named pipe: whoever opens it waits for the other end.
-#[cfg(unix)]
-pub(crate) fn is_pipe(file: &Path) -> bool {
-    use std::os::unix::fs::FileTypeExt;
-    std::fs::symlink_metadata(file).is_ok_and(|about| about.file_type().is_fifo())
-}
-
-/// True if a file is a named pipe: whoever opens it waits for the other end.
-#[cfg(not(unix))]
-pub(crate) fn is_pipe(_: &Path) -> bool {
-    false
-}
-
 /// Kind of a file that is not an ordinary one.
 #[cfg(unix)]
 pub(crate) fn kind(about: &Metadata) -> &'static str {

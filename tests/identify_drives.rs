@@ -170,6 +170,26 @@ fn wrong_rows_gaps_and_an_uneven_clock_do_no_harm() {
 }
 
 #[test]
+fn lost_rows_and_lost_commands_make_no_delay() {
+    for share in [0.1, 0.2, 0.4] {
+        // Smoother commands than a step is long: a line half a step later explains them nearly as well.
+        let drive = synthetic(&chain(0.06, 0.1), 2000, 0.0, 11);
+        let mut random = Random::new(21);
+        let lost: Vec<bool> = (0..2000).map(|_| random.uniform() < share).collect();
+        let kept: Vec<usize> = (0..2000).filter(|&row| !lost[row]).collect();
+        let part = |column: &[f64]| kept.iter().map(|&row| column[row]).collect::<Vec<f64>>();
+        let rows = found(drive_of(part(&drive.time), part(&drive.steer_cmd), part(&drive.response)));
+        let mut cells = drive;
+        for (command, _) in cells.steer_cmd.iter_mut().zip(&lost).filter(|(_, lost)| **lost) {
+            *command = f64::NAN;
+        }
+        for found in [rows, found(cells)] {
+            assert!((found.delay.value - 0.16).abs() < 2e-3, "{share}: {found:?}");
+        }
+    }
+}
+
+#[test]
 fn a_rate_limit_is_modelled() {
     for noise in [0.0, 1e-3] {
         let limited =

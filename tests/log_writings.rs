@@ -79,6 +79,8 @@ fn delimiters_ends_of_lines_and_decimal_marks_change_nothing() {
     }
     let quoted = |column, value| format!("\"{}\"", plain(column, value));
     assert_same("quoted", written(&NAMES, ",", "\n", quoted).as_bytes());
+    let quoted = |column, value| format!("\"{}\"", comma(column, value));
+    assert_same("quoted, decimal commas", written(&NAMES, ",", "\n", quoted).as_bytes());
     let aligned = |column, value| format!("{:>14}", plain(column, value));
     assert_same("aligned", written(&NAMES, " ", "\n", aligned).as_bytes());
 }

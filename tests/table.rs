@@ -151,7 +151,7 @@ fn logs_with_header_blocks_units_and_dates_are_read() {
 
 #[test]
 fn what_only_looks_like_a_number_is_refused_with_row_and_column() {
-    for text in ["2024_04_23_13_37_00_000", "1_000", "12:00:00", "2024-13-01T00:00:00", "0x10", "1,5"] {
+    for text in ["2024_04_23_13_37_00_000", "1_000", "12:00:00", "2024-13-01T00:00:00", "0x10"] {
         let bytes = format!("time,vx\n0,1\n\"{text}\",2\n");
         has(&log_error(bytes.as_bytes()), &["log.csv, line 3, column time", text, "not a number"]);
     }

@@ -155,6 +155,7 @@ def diagnose(
     trust: str | None = None,
     prior: Mapping[str, float] | None = None,
     rate: float | None = None,
+    only: str | None = None,
     seed: int = 1,
     threads: int = 0,
     out: File | None = None,
@@ -187,6 +188,8 @@ def diagnose(
         Probability of an effect before the log is seen, by its id.
     rate
         Rows a second of logs without ``time``, Hz.
+    only
+        Rows of one vehicle in log files of several, as ``"COLUMN=VALUE"``.
     out
         Folder to write ``report.html``, ``report.json`` and the calibrated simulator into.
 
@@ -200,7 +203,7 @@ def diagnose(
     others, reference_words = frames_and_words(reference, option="reference", name="reference")
     options = words(
         vehicle=vehicle, path=path, unit=unit, controller=controller, set=set, without=without, no_pairs=not pairs,
-        trust=trust, prior=prior, rate=rate, seed=seed, threads=threads,
+        trust=trust, prior=prior, rate=rate, only=only, seed=seed, threads=threads,
     )  # fmt: skip
     folder = None if out is None else Path(file_name(out))
     (report, page), text = call(
@@ -220,6 +223,7 @@ def identify(
     by_yaw_rate: bool = False,
     check: bool = True,
     rate: float | None = None,
+    only: str | None = None,
     json: File | None = None,
     progress: Progress | None = None,
 ) -> Steering:
@@ -239,6 +243,8 @@ def identify(
         From ``yaw_rate`` and ``vx`` through the vehicle's linear model, where no angle was measured.
     check
         Looks in closed loop whether knowing it drives better, where a vehicle is given.
+    rate, only
+        As in :func:`diagnose`.
     """
     frames, files = frames_and_words(logs)
     options = words(
@@ -249,6 +255,7 @@ def identify(
         by_yaw_rate=by_yaw_rate,
         no_check=not check,
         rate=rate,
+        only=only,
         json=json,
     )
     options += words(**{"from": begin})
@@ -269,6 +276,7 @@ def train(
     proof: bool = True,
     force: bool = False,
     rate: float | None = None,
+    only: str | None = None,
     window: int | None = None,
     trees: int | None = None,
     depth: int | None = None,
@@ -305,7 +313,7 @@ def train(
     frames, files = frames_and_words(logs)
     others, test_words = frames_and_words(test, option="test", name="test")
     options = words(
-        vehicle=vehicle, kind=kind, path=path, set=set, out=out, no_proof=not proof, force=force, rate=rate,
+        vehicle=vehicle, kind=kind, path=path, set=set, out=out, no_proof=not proof, force=force, rate=rate, only=only,
         window=window, trees=trees, depth=depth, min_leaf=min_leaf, tree_features=tree_features, seed=seed,
         threads=threads, json=json,
     )  # fmt: skip

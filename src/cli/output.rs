@@ -1,6 +1,5 @@
 //! Files that commands write (see [`crate::output`]), with errors that name them.
 
-use crate::input::is_pipe;
 use crate::output::{self, HeldFolder};
 use std::error::Error;
 use std::fmt::Display;
@@ -73,4 +72,17 @@ pub(super) fn write_json(file: &Path, value: &serde_json::Value) -> Result<(), B
         serde_json::to_writer_pretty(&mut *writer, value)?;
         Ok(writeln!(writer)?)
     })
+}
+
+/// True if a file is a named pipe: whoever opens it waits for the other end.
+#[cfg(unix)]
+fn is_pipe(file: &Path) -> bool {
+    use std::os::unix::fs::FileTypeExt;
+    std::fs::symlink_metadata(file).is_ok_and(|about| about.file_type().is_fifo())
+}
+
+/// True if a file is a named pipe: whoever opens it waits for the other end.
+#[cfg(not(unix))]
+fn is_pipe(_: &Path) -> bool {
+    false
 }

@@ -301,13 +301,19 @@ impl Referee {
 
     /// Distance from the road, m, of a vehicle that has left its lane and is not followed any farther.
     ///
-    /// One that was never within its lane may be on its way there, from however far.
+    /// One that was never within its lane may be on its way there, from however far; not as it goes away.
     pub fn astray(&self) -> Option<f64> {
-        self.departure?;
-        let place = self.place?;
-        let beyond =
-            if self.periodic { 0.0 } else { (place.station - self.length).max(-place.station).max(0.0) };
-        Some(place.lateral_error.hypot(beyond)).filter(|distance| *distance > NO_RETURN)
+        let distance = |place: Place| {
+            let beyond =
+                if self.periodic { 0.0 } else { (place.station - self.length).max(-place.station).max(0.0) };
+            place.lateral_error.hypot(beyond)
+        };
+        let first = match self.departure {
+            Some(_) => 0.0,
+            None if self.entered => return None,
+            None => distance(self.began?),
+        };
+        Some(distance(self.place?)).filter(|distance| *distance > first + NO_RETURN)
     }
 
     /// Outcome of a drive that ended so.
@@ -390,6 +396,7 @@ mod tests {
         assert_eq!(wide.astray(), None);
         // Beside the lane from the beginning: it may come in.
         assert_eq!(driven(80, |s| [s, 150.0, 0.0]).astray(), None);
+        assert!(driven(200, |s| [s, 150.0 + s, 0.0]).astray().is_some());
         // Off the lane, and on beyond the road's end.
         let beyond = driven(250, |s| [s, if s == 40.0 { 3.0 } else { 0.0 }, 0.0]);
         let distance = beyond.astray().unwrap();

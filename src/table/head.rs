@@ -52,7 +52,7 @@ pub(super) fn find(lines: &[String], known: &dyn Fn(&str) -> bool) -> Head {
     let decimal = decimal(&rows, delimiter);
     let width = width(&rows);
     let data =
-        rows.iter().position(|row| !row.comment && is_data(row, width, delimiter)).unwrap_or(rows.len());
+        rows.iter().position(|row| !row.comment && is_data(row, width)).unwrap_or(rows.len());
     // A block before the names may have numbers, too; then known names tell its end.
     let known_names = |row: &Line| count_known(row, known);
     let later = rows.iter().skip(data).position(|row| !row.comment && known_names(row) >= 2);
@@ -68,7 +68,7 @@ pub(super) fn find(lines: &[String], known: &dyn Fn(&str) -> bool) -> Head {
     };
     let units = (names + 1..rows.len())
         .find(|&row| !rows[row].comment)
-        .filter(|&row| is_units(&rows[row].fields, delimiter));
+        .filter(|&row| is_units(&rows[row].fields));
     let header = header(&rows[names], units.map(|row| rows[row].fields.as_slice()));
     Head { delimiter, decimal, header, body: rows[units.unwrap_or(names)].index + 1 }
 }
@@ -96,7 +96,7 @@ fn most_numbers(lines: &[String]) -> u8 {
             fields += row.len() as i64;
             // Rows without any number are names, or a block before them.
             let filled = row.iter().filter(|field| !field.is_empty()).count() as i64;
-            let values = row.iter().filter(|field| is_value(field, delimiter)).count() as i64;
+            let values = row.iter().filter(|field| is_value(field)).count() as i64;
             if comment.is_none() && values > 0 {
                 numbers += 2 * values - filled;
             }
@@ -135,27 +135,32 @@ fn split(line: &str, delimiter: u8) -> Vec<String> {
 }
 
 /// True if a field is a number, or a time, as a row of values has them.
-fn is_value(field: &str, delimiter: u8) -> bool {
+fn is_value(field: &str) -> bool {
     let number = |text: &str| text.parse::<f64>().is_ok();
+    // Between commas a decimal comma is in quotation marks.
     number(field)
-        || delimiter != b',' && field.matches(',').count() == 1 && number(&field.replace(',', "."))
+        || field.matches(',').count() == 1 && number(&field.replace(',', "."))
         || super::time::seconds(field).is_some()
 }
 
 /// Decimal mark of the numbers in the head.
 fn decimal(rows: &[Line], delimiter: u8) -> Decimal {
-    if delimiter == b',' {
-        return Decimal::Point;
-    }
     let values = || {
         rows.iter()
             .filter(|row| !row.comment)
             .flat_map(|row| &row.fields)
-            .filter(|field| is_value(field, delimiter) && super::time::seconds(field).is_none())
+            .filter(|field| is_value(field) && super::time::seconds(field).is_none())
     };
-    if values().any(|field| field.contains(',')) {
+    let points = || values().any(|field| field.contains('.'));
+    // Between commas `"1,234"` may be thousands, `"0,05"` is not.
+    let is_decimal = |field: &String| {
+        field.split_once(',').is_some_and(|(_, part)| delimiter != b',' || part.len() != 3)
+    };
+    if values().any(is_decimal) && (delimiter != b',' || !points()) {
         Decimal::Comma
-    } else if values().any(|field| field.contains('.')) {
+    } else if delimiter == b',' {
+        Decimal::Point
+    } else if points() {
         Decimal::Point
     } else {
         Decimal::Unknown
@@ -171,9 +176,9 @@ fn width(rows: &[Line]) -> usize {
     counts.into_iter().max_by_key(|&(_, count)| count).map_or(0, |(width, _)| width)
 }
 
-fn is_data(row: &Line, width: usize, delimiter: u8) -> bool {
+fn is_data(row: &Line, width: usize) -> bool {
     let filled = row.fields.iter().filter(|field| !field.is_empty());
-    let (values, others): (Vec<&String>, Vec<&String>) = filled.partition(|field| is_value(field, delimiter));
+    let (values, others): (Vec<&String>, Vec<&String>) = filled.partition(|field| is_value(field));
     row.fields.len() >= width.min(2) && values.len() > others.len()
 }
 
@@ -206,7 +211,7 @@ fn names_row(before: &[Line], known: &dyn Fn(&str) -> bool, width: usize, guess:
     let last = *rows.iter().rev().find(wide)?;
     let above = rows.iter().rev().filter(wide).nth(1);
     match above {
-        Some(&above) if is_units(&before[last].fields, b',') => Some(above),
+        Some(&above) if is_units(&before[last].fields) => Some(above),
         _ => Some(last),
     }
 }
@@ -219,14 +224,14 @@ fn commented(before: &[Line], width: usize) -> Option<usize> {
 }
 
 /// True for a row of units: short words, at least half of them known, none a number.
-fn is_units(fields: &[String], delimiter: u8) -> bool {
+fn is_units(fields: &[String]) -> bool {
     let word = |field: &str| field.trim_matches(['[', ']', '(', ')', ' ']).to_owned();
     let filled: Vec<String> =
         fields.iter().map(|field| word(field)).filter(|field| !field.is_empty() && field != "-").collect();
     let units = filled.iter().filter(|field| is_unit(field)).count();
     units > 0
         && 2 * units >= filled.len()
-        && filled.iter().all(|field| field == "1" || field.len() <= 16 && !is_value(field, delimiter))
+        && filled.iter().all(|field| field == "1" || field.len() <= 16 && !is_value(field))
 }
 
 fn header(names: &Line, units: Option<&[String]>) -> Header {

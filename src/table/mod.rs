@@ -6,7 +6,7 @@
 //! |---|---|
 //! | commas, semicolons, tabs, bars or blanks | the delimiter by which most fields of the head are numbers; a line `sep=;` decides |
 //! | thousands apart (`"1,234.5"`, `1.234,5`, `1 234,5` with a hard blank), a minus of typography | read where the number shows it |
-//! | decimal commas | with any other delimiter than commas; a file that mixes commas and points is refused |
+//! | decimal commas | with commas as delimiter only in quotation marks (`"0,05"`); a file that mixes commas and points is refused |
 //! | lines of comment (`#`, `%`), blank lines | skipped; names may stand in a comment (racing lines); `#N/A,1,2` is none |
 //! | a block before the names (`"Venue","Test"`) | names are the row before the numbers that has most known names |
 //! | a row of units below the names, or `vx [km/h]` | kept beside the name ([`Header::units`]) |

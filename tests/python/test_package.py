@@ -202,6 +202,18 @@ def test_a_packed_log_that_is_cut_off_is_said_with_what_it_lacks_by_that(rfl_mpc
     assert not caught or str(file) in words
 
 
+def test_one_vehicle_is_taken_out_of_a_log_of_several(rfl_mpc, drive, tmp_path):
+    log = drive.log[["time", "steer_cmd", "steer", "vx"]]
+    late = log.assign(steer=log["steer"].shift(5, fill_value=0.0))
+    both = pd.concat([log.assign(vehicle_id="A"), late.assign(vehicle_id="B")])
+    file = tmp_path / "both.csv"
+    both.to_csv(file, index=False)
+    with pytest.raises(rfl_mpc.RflError, match="vehicle_id"):
+        rfl_mpc.identify(file, check=False)
+    first, second = (rfl_mpc.identify(file, only=f"vehicle_id={one}", check=False).delay.value for one in "AB")
+    assert second - first == pytest.approx(0.1, abs=0.01)
+
+
 def test_another_drive_of_the_same_road_is_a_reference(rfl_mpc, drive):
     frame = drive.log.drop(columns="status")
     noise = 1e-3 * np.random.default_rng(1).normal(size=len(frame))

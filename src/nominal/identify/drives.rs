@@ -5,10 +5,10 @@
 //! ```
 //!
 //! `u` is the command, held from its row on; `y` the measurement at each row; `P` the gap of a backlash, if the drives
-//! show one. The drives may begin in a bend, have
-//! gaps, uneven rows, wrong rows and stretches at a rate limit:
+//! show one. The drives may begin in a bend, have gaps, uneven rows, wrong rows, lost rows and stretches at a rate limit:
 //!
 //! - a row whose residual stands out of those beside it is wrong and left out: errors of a model last longer;
+//! - where rows were lost the commands between may explain more if they are put on a line, and held like the others;
 //! - a limit of the angle's rate is modelled if it explains clearly more;
 //! - so is a gap, which without one would pass for a long lag, if the squares fall by more than chance makes them;
 //! - where commands are recorded more slowly than they are given, a line between rows may explain much more than steps.
@@ -103,7 +103,8 @@ const FLAT: f64 = 0.5;
 /// Half width of an interval that determines a gap, as a share, or in rad.
 const GAP_SHARE: f64 = 0.25;
 const GAP_ENOUGH: f64 = 1e-3;
-/// Lines between rows must lower the error to this share of it: with steps that are steps they only raise it.
+/// Lines between rows, or commands in the place of lost ones, must lower the error to this share of it: with steps that are steps
+/// they only raise it.
 const LINE_BETTER: f64 = 0.9;
 
 impl IdentifiedSteering {
@@ -153,15 +154,23 @@ impl IdentifiedSteering {
 /// Too few rows; a response that does not follow.
 pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteering, DrivesError> {
     let rows = checked(drives, false)?;
-    let held = ActuatorProblem::new(rows.clone(), Response::angle(&rows, Between::Held));
-    let mut found = BestPoint::of(held).with_gap_and_limit();
+    let held = |rows: &DriveRows| {
+        let response = Response::angle(rows, Between::Held);
+        BestPoint::of(ActuatorProblem::new(rows.clone(), response)).with_gap_and_limit()
+    };
+    let mut found = held(&rows);
+    if found.rms() <= 10.0 * LEAST_NOISE {
+        return found.identified();
+    }
+    let filled = rows.with_lost_rows(drives).map(|rows| held(&rows));
+    found = filled.filter(|filled| filled.rms() < LINE_BETTER * found.rms()).unwrap_or(found);
     let mut line = found.clone();
-    line.problem.response = Response::angle(&rows, Between::Line);
+    line.problem.response = Response::angle(&line.problem.rows, Between::Line);
     // A line runs half a step behind the step before it.
     let (half, best) = (0.5 * rows.step, found.best);
     let near = Point { dead_time: (best.dead_time + half).min(LONGEST_DEAD_TIME), ..best };
     line.best = line.problem.refine(&near, 2.0 * half, 4.0 * half);
-    if found.rms() > 10.0 * LEAST_NOISE && line.rms() < LINE_BETTER * found.rms() {
+    if line.rms() < LINE_BETTER * found.rms() {
         found = line.polished();
     }
     found.identified()

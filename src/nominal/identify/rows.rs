@@ -90,9 +90,20 @@ fn written_step(values: &[f64]) -> f64 {
 impl DriveRows {
     /// The rows of drives, `even` where each row has to stay, as a model sampled at the clock needs it.
     pub fn of(drives: &[SteeringDrive], even: bool) -> Self {
+        Self::collected(drives, even, false)
+    }
+
+    /// The same of drives whose record lost rows: commands that nobody recorded are on a line between those beside them, and
+    /// held like these. `None` if none is missing.
+    pub fn with_lost_rows(&self, drives: &[SteeringDrive]) -> Option<Self> {
+        let filled = Self::collected(drives, false, true);
+        (filled.command != self.command).then_some(filled)
+    }
+
+    fn collected(drives: &[SteeringDrive], even: bool, fill: bool) -> Self {
         let mut rows = Self::default();
         for (place, drive) in drives.iter().enumerate() {
-            rows.add(place as u32, drive, even);
+            rows.add(place as u32, drive, even, fill);
         }
         rows.resolutions = drives.iter().map(|drive| written_step(&drive.response)).collect();
         rows.step = drives.iter().map(|drive| typical_step(&drive.time)).fold(0.0, f64::max);
@@ -114,10 +125,11 @@ impl DriveRows {
         rows
     }
 
-    fn add(&mut self, place: u32, drive: &SteeringDrive, even: bool) {
+    fn add(&mut self, place: u32, drive: &SteeringDrive, even: bool, fill: bool) {
         let [low, high] = ordinary(&drive.steer_cmd);
         let [least, most] = ordinary(&drive.response);
-        let hole = LONGEST_HOLE.max(HOLE_STEPS * typical_step(&drive.time));
+        let step = typical_step(&drive.time);
+        let hole = LONGEST_HOLE.max(HOLE_STEPS * step);
         // Time of the last row with a command, and the command.
         let mut known: Option<(f64, f64)> = None;
         for row in 0..drive.time.len() {
@@ -151,6 +163,9 @@ impl DriveRows {
                         known = Some((time, command));
                         continue;
                     }
+                    if fill && command != held {
+                        self.fill((last, held), (time, command), step, (place, row as u32), speed);
+                    }
                 }
                 known = Some((time, command));
             }
@@ -169,6 +184,35 @@ impl DriveRows {
             self.response.push(if counts { response } else { 0.0 });
             self.counts.push(counts);
             self.origin.push((place, row as u32));
+            self.speed.extend(speed);
+        }
+    }
+
+    /// Puts commands on the line between two known ones: at rows without any, or at the instants whose rows are missing.
+    fn fill(
+        &mut self,
+        (last, held): (f64, f64),
+        (time, command): (f64, f64),
+        step: f64,
+        origin: (u32, u32),
+        speed: Option<f64>,
+    ) {
+        let on_line = |now: f64| held + (command - held) * (now - last) / (time - last);
+        let without = self.time.iter().rposition(|kept| *kept <= last).map_or(0, |row| row + 1);
+        for row in without..self.time.len() {
+            self.command[row] = on_line(self.time[row]);
+        }
+        let steps = ((time - last) / step).round();
+        if without < self.time.len() || !steps.is_finite() {
+            return;
+        }
+        for k in 1..steps as u32 {
+            let now = last + (time - last) * f64::from(k) / steps;
+            self.time.push(now);
+            self.command.push(on_line(now));
+            self.response.push(0.0);
+            self.counts.push(false);
+            self.origin.push(origin);
             self.speed.extend(speed);
         }
     }
