@@ -51,8 +51,7 @@ pub(super) fn find(lines: &[String], known: &dyn Fn(&str) -> bool) -> Head {
         .collect();
     let decimal = decimal(&rows, delimiter);
     let width = width(&rows);
-    let data =
-        rows.iter().position(|row| !row.comment && is_data(row, width)).unwrap_or(rows.len());
+    let data = rows.iter().position(|row| !row.comment && is_data(row, width)).unwrap_or(rows.len());
     // A block before the names may have numbers, too; then known names tell its end.
     let known_names = |row: &Line| count_known(row, known);
     let later = rows.iter().skip(data).position(|row| !row.comment && known_names(row) >= 2);
@@ -66,9 +65,8 @@ pub(super) fn find(lines: &[String], known: &dyn Fn(&str) -> bool) -> Head {
     else {
         return Head { delimiter, decimal, header: Header::default(), body: lines.len() };
     };
-    let units = (names + 1..rows.len())
-        .find(|&row| !rows[row].comment)
-        .filter(|&row| is_units(&rows[row].fields));
+    let units =
+        (names + 1..rows.len()).find(|&row| !rows[row].comment).filter(|&row| is_units(&rows[row].fields));
     let header = header(&rows[names], units.map(|row| rows[row].fields.as_slice()));
     Head { delimiter, decimal, header, body: rows[units.unwrap_or(names)].index + 1 }
 }
@@ -153,9 +151,8 @@ fn decimal(rows: &[Line], delimiter: u8) -> Decimal {
     };
     let points = || values().any(|field| field.contains('.'));
     // Between commas `"1,234"` may be thousands, `"0,05"` is not.
-    let is_decimal = |field: &String| {
-        field.split_once(',').is_some_and(|(_, part)| delimiter != b',' || part.len() != 3)
-    };
+    let is_decimal =
+        |field: &String| field.split_once(',').is_some_and(|(_, part)| delimiter != b',' || part.len() != 3);
     if values().any(is_decimal) && (delimiter != b',' || !points()) {
         Decimal::Comma
     } else if delimiter == b',' {
