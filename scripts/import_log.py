@@ -61,6 +61,7 @@ from progress import Progress, followed, word
 
 READERS = {
     ".csv": read_table, ".gz": read_table, ".txt": read_table, ".tsv": read_table, ".asc": read_table,
+    ".lvm": read_table, ".vbo": read_table,
     ".mf4": read_mf4, ".mdf": read_mf4, ".dat": read_mf4, ".parquet": read_parquet, ".mat": read_matlab,
     ".bag": read_rosbag, ".db3": read_rosbag, ".mcap": read_rosbag,
 }  # fmt: skip

@@ -28,6 +28,12 @@ _NOON = rf"(?:{_BLANK}*(?P<noon>[AaPp][Mm]))?"
 _BETWEEN = rf"(?:{_BLANK}*T|{_BLANK}+|_|-|/|:|,{_BLANK}*)"
 _YMD = r"(?P<a>\d{4})(?P<sep>[-_/.:])(?P<b>\d{1,2})(?P=sep)(?P<c>\d{1,2})"
 _DMY = r"(?P<a>\d{1,2})(?P<sep>[-_/.])(?P<b>\d{1,2})(?P=sep)(?P<c>\d{4})"
+# The month in English: 01-May-2024 of MATLAB, May 1, 2024.
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_MONTH = (
+    r"(?P<b>(?i:jan(?:uary)?|feb(?:ruary)?|mar(?:ch)?|apr(?:il)?|may|june?|july?|aug(?:ust)?|sept?(?:ember)?|"
+    r"oct(?:ober)?|nov(?:ember)?|dec(?:ember)?))\.?"
+)
 _FORMS = [
     _form(f"{_YMD}{_BETWEEN}{_CLOCK}{_NOON}{_ZONE}"),
     _form(f"{_DMY}{_BETWEEN}{_CLOCK}{_NOON}{_ZONE}"),
@@ -37,6 +43,10 @@ _FORMS = [
         rf"(?:(?P<point>[.,_-]?)(?P<frac>\d{{1,9}}))?{_ZONE}"
     ),
     _form(r"(?P<h>\d{1,2}):(?P<min>\d\d):(?P<s>\d\d)(?:(?P<point>[.,:])(?P<frac>\d{1,9}))?" + _NOON),
+    _form(
+        rf"(?P<c>\d{{1,2}})(?:[-/.]|{_BLANK}+){_MONTH}(?:[-/.]|{_BLANK}+)(?P<a>\d{{4}}){_BETWEEN}{_CLOCK}{_NOON}{_ZONE}"
+    ),
+    _form(rf"{_MONTH}{_BLANK}+(?P<c>\d{{1,2}}),?{_BLANK}+(?P<a>\d{{4}}){_BETWEEN}{_CLOCK}{_NOON}{_ZONE}"),
     # Stop watches: minutes and seconds.
     _form(r"(?P<min>\d{1,3}):(?P<s>\d\d)(?P<point>[.,])(?P<frac>\d{1,9})"),
 ]
@@ -73,7 +83,7 @@ def of_stamps(texts: Iterable[str], where: str, lines: Iterable[int]) -> np.ndar
         if form is None:
             raise ImportFailed(
                 f"{where}: '{text}' in line {line} is neither a number nor a time stamp that is known "
-                "(ISO 8601, dates with - / . _ between, times of day)"
+                "(ISO 8601, dates with - / . _ between or an English month, times of day)"
             )
         match = form.fullmatch(text)
         if match is None:
@@ -125,6 +135,8 @@ def day_of(key: tuple, month_first: bool, where: str) -> int:
     if a is None:
         return 0
     year, month, day = (a, b, c) if len(a) == 4 else (c, a, b) if month_first else (c, b, a)
+    if month[:3].lower() in _MONTHS:
+        month = _MONTHS.index(month[:3].lower()) + 1
     try:
         return (date(int(year), int(month), int(day)) - date(1970, 1, 1)).days
     except ValueError as error:

@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 from progress import followed
 
-from importing import clock
+from importing import clock, vbox
 from importing.columns import Cells, Layout, columns_of, padded
 from importing.limits import LONGEST_NAME, Limits
 from importing.log import ImportFailed, Log, Series
-from importing.number import has_comma, has_point, is_gap, is_value
+from importing.number import has_comma, has_point, is_gap, is_value, may_have_thousands
 from importing.text import SAMPLE, Text, is_comment, is_row, split
-from importing.units import looks_like_unit, reads_like_unit, split_unit
+from importing.units import looks_like_unit, reads_like_unit, split_unit, unit_of
 
 DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
 
@@ -112,10 +112,21 @@ def find_layout(text: Text, wanted: set[str], delimiter: str = "") -> Layout:
     names, units, line = chosen(rows, wanted)
     if line > 0:
         notes.append(f"names in line {line + 1}")
-    if (len(trimmed(names)) < shape.used and len(names) < shape.used) or len(trimmed(names)) > shape.width:
+    too_many = len(trimmed(names)) > shape.width and (delimiter == " " or is_split_name(lines[line], delimiter))
+    if (len(trimmed(names)) < shape.used and len(names) < shape.used) or too_many:
         raise ImportFailed(unlike(begin, shape.used, line, len(names)))
     width = max(shape.used, len(trimmed(names)))
+    units = vbox.units_of(lines[:begin], width) or units
+    if width > 3 and split(lines[begin], delimiter) == [str(i + 1) for i in range(width)]:
+        notes.append(f"line {begin + 1} numbers the columns, and is left out")
+        begin += 1
     return Layout(delimiter, padded(names, width), padded(units, width), begin, max(width, shape.width), notes)
+
+
+def is_split_name(line: str, delimiter: str) -> bool:
+    """Whether a name seems to hold the delimiter: 'Time,Speed, GPS', where no other is followed by a blank."""
+    cells = line.split(delimiter)[1:]
+    return delimiter == "," and 0 < sum(cell.startswith(" ") for cell in cells) < len(cells)
 
 
 def unlike(begin: int, fields: int, line: int, names: int) -> str:
@@ -171,6 +182,8 @@ def chosen(rows: list[tuple[int, list[str]]], wanted: set[str]) -> tuple[list[st
     if asked(names) == 0:
         names = above_description(others, names)
     units = next((row for line, row in reversed(units_rows) if line != names[0]), [])
+    if units and "unit" in units[0].lower() and unit_of(units[0]) is None:
+        units = ["", *units[1:]]  # 'Y_Unit_Label' says what the row is
     return names[1], units, names[0]
 
 
@@ -192,14 +205,18 @@ def is_units_row(row: list[str]) -> bool:
 
 
 def has_decimal_comma(text: Text, layout: Layout) -> bool:
-    """Whether numbers are written with a comma. Points in other numbers speak against it."""
-    commas, points = 0, 0
+    """Whether numbers have decimal commas. Points speak against it, but for those that may part thousands."""
+    commas, points, thousands = set(), 0, set()
     rows = (line for line in text.head[layout.begin :] if is_row(line))
     for line in islice(rows, 5 * SAMPLE):
-        for cell in split(line, layout.delimiter):
-            commas += has_comma(cell)
-            points += has_point(cell)
-    return commas > 0 and points == 0
+        for place, cell in enumerate(split(line, layout.delimiter)):
+            if has_comma(cell):
+                commas.add(place)
+            elif may_have_thousands(cell):
+                thousands.add(place)
+            elif has_point(cell):
+                points += 1
+    return len(commas) > len(thousands) and points == 0
 
 
 def distinct(names: list[str]) -> tuple[list[str], set[str]]:
@@ -267,7 +284,8 @@ def read_table(file: Path, wanted: set[str], limits: Limits) -> Log:
             return times
         row, first = column.odd.first()
         if column.known:
-            raise ImportFailed(f"{where}: '{first}' in line {places[row]} is no number, and others are")
+            why = ": a point beside decimal commas may be decimal or part thousands" if comma and "." in first else ""
+            raise ImportFailed(f"{where}: '{first}' in line {places[row]} is no number, and others are{why}")
         times = np.full(len(places), np.nan)
         rows = np.frombuffer(column.odd.rows, "int64")
         stamps = followed(column.odd, len(column.odd), f"reading the time stamps of {file.name}")

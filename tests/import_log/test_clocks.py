@@ -39,6 +39,8 @@ STAMPS = {
     "slashes": lambda when: when.strftime("%Y/%m/%d %H:%M:%S.") + ms(when),
     "German": lambda when: when.strftime("%d.%m.%Y %H:%M:%S.") + ms(when),
     "American": lambda when: when.strftime("%m/%d/%Y %I:%M:%S.") + ms(when) + when.strftime(" %p"),
+    "MATLAB": lambda when: when.strftime("%d-%b-%Y %H:%M:%S.") + ms(when),
+    "capital letters": lambda when: when.strftime("%d %b %Y %H:%M:%S.").upper() + ms(when),
     "time of day": lambda when: when.strftime("%H:%M:%S.") + ms(when),
     "time of day, colon before milliseconds": lambda when: when.strftime("%H:%M:%S:") + ms(when),
     "Unix ms": lambda when: unix(1)(when)[:-3],

@@ -22,6 +22,11 @@ from importing.number import number
         ("1234.5", False, 1234.5),
         ("1234,5", True, 1234.5),
         ("1,5e3", True, 1500.0),
+        ("1'000", False, 1000.0),
+        ("-1\u2019234\u2019567.5", False, -1234567.5),
+        ("1'234,5", True, 1234.5),
+        ("12'34", False, None),
+        ("1'000\u2019000", False, None),
         ("1,234", True, 1.234),
         # A mark that may part thousands or decimals, or parts neither.
         ("1,234", False, None),
@@ -84,6 +89,15 @@ def test_a_point_among_decimal_commas_may_be_one_of_thousands(tmp_path):
         t, _, r = lines[place].split(";")
         lines[place] = f"{t};1.234;{r}"
     with pytest.raises(ImportFailed, match=r"'1\.234' in line 1502 is no number"):
+        convert(written(tmp_path, ["t;v;r", *lines]), mapping(tmp_path, PLAIN), tmp_path / "out.csv")
+
+
+def test_the_column_with_points_is_blamed_where_the_others_have_decimal_commas(tmp_path):
+    lines = [line.replace(".", ",") for line in rows(200, "{v:.6f};{r:.8f}")]
+    lines = [f"{10 * place:,};".replace(",", ".") + line for place, line in enumerate(lines)]
+    with pytest.raises(
+        ImportFailed, match=r"\[time\] column = 't': '1\.000' in line 102 .* may be decimal or part thous"
+    ):
         convert(written(tmp_path, ["t;v;r", *lines]), mapping(tmp_path, PLAIN), tmp_path / "out.csv")
 
 

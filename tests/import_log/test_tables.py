@@ -72,6 +72,19 @@ LAYOUTS = {
         *[line.replace(",", ",SNA," if i % 3 else ",1.0,", 1) for i, line in enumerate(rows())],
     ],
     "one long line": ["t,v,r", *rows(150), "1.495,1,2,3,4", *rows()[150:]],
+    "a column of comments without a field": ["t,v,r,Comment", *rows()],
+    "numbers of the columns below the units": [
+        "t,v,r,n",
+        "s,km/h,rad/s,",
+        "1,2,3,4",
+        *rows(fields="{t:.3f},{v:.6f},{r:.8f},7"),
+    ],
+    "LabVIEW": [
+        "***End_of_Header***\t\t\t",
+        "Y_Unit_Label\tkm/h\trad/s",
+        "t\tv\tr\tComment",
+        *rows(fields="{t:.3f}\t{v:.6f}\t{r:.8f}"),
+    ],
     "names over two lines": ['"t\n[s]","v\n[km/h]","r\n[rad/s]"', *rows()],
 }
 
@@ -136,6 +149,23 @@ def test_names_and_units_are_told_apart(tmp_path, above, names, units):
     log = open_log(write(tmp_path, [*above, names, *([units] if units else []), *rows()]))
     assert log.names == names.split(",")
     assert [log.units.get(name, "") for name in log.names] == [unit.strip("[]") for unit in (units or ",,").split(",")]
+
+
+def test_a_vbox_file_has_its_units_in_sections(tmp_path):
+    above = [
+        "File created on 01/05/2024", "", "[header]", "satellites", "t", "velocity kmh", "heading", "YawRate", "",
+        "[channel units]", "deg/s", "", "[comments]", "VBOX", "", "[column names]", "sats t v heading r", "", "[data]",
+    ]  # fmt: skip
+    lines = rows(fields="012 {t:.3f} {v:+.6f} 090.05 {r:.8f}")
+    log = open_log(write(tmp_path, [*above, *lines], name="log.vbo"))
+    assert log.names == ["sats", "t", "v", "heading", "r"]
+    assert log.units == {"v": "kmh", "heading": "deg", "r": "deg/s"}
+
+
+def test_a_name_that_holds_the_delimiter_is_refused(tmp_path):
+    file = write(tmp_path, ["t,v, GPS,r", *rows()])
+    with pytest.raises(ImportFailed, match="line 2 has 3 fields and the line of names, 1, has 4"):
+        open_log(file)
 
 
 def test_gaps_are_gaps(tmp_path):
