@@ -165,6 +165,9 @@ fn cases() -> Vec<Case> {
         ("yaw_rate turned", s().scaled(&["yaw_rate"], -1.0), Err("yaw_rate has the opposite sign")),
         ("steer_cmd turned", s().scaled(&["steer_cmd"], -1.0), Err("steer_cmd has the opposite sign")),
         ("ay turned", s().scaled(&["ay"], -1.0), Err("ay has the opposite sign")),
+        ("x turned", s().scaled(&["x"], -1.0), Err("x has the opposite sign of yaw")),
+        ("y turned", s().scaled(&["y"], -1.0), Err("y has the opposite sign of yaw")),
+        ("an accelerometer turned", s().scaled(&["ax", "ay"], -1.0), Err("ay and ax have the opposite sign")),
         ("yaw from another axis", s().map("yaw", |_, yaw| yaw - 1.57), Err("another axis")),
         ("speed halved", s().scaled(&["vx"], 0.5), Err("another unit")),
         (

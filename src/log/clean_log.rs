@@ -206,11 +206,16 @@ pub enum CleanError {
 /// Words on columns of the opposite sign: one advice for all of a frame.
 fn opposite(columns: &[&str], against: &[&str], tied: bool) -> String {
     let first = against.first().copied().unwrap_or_default();
-    let along = columns.iter().all(|column| matches!(*column, "ax" | "accel_cmd" | "vx"));
-    let rule = if along {
-        "ax and accel_cmd are positive where the vehicle gets faster"
-    } else {
-        "steering, yaw, yaw_rate and ay are all positive to the left"
+    let is_along = |column: &&str| matches!(*column, "ax" | "accel_cmd" | "vx");
+    let across = "steering, yaw, yaw_rate and ay are all positive to the left";
+    let along = "ax and accel_cmd are positive where the vehicle gets faster";
+    let rule = match columns.iter().filter(|column| is_along(column)).count() {
+        _ if columns == ["x"] => {
+            "yaw counts from the x axis to the y axis, which is to the left of it".to_owned()
+        }
+        0 => across.to_owned(),
+        count if count == columns.len() => along.to_owned(),
+        _ => format!("{across}, {along}"),
     };
     if let [column] = columns {
         let which = if tied {

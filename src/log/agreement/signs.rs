@@ -11,6 +11,7 @@ use crate::log::kinematics::{self, Told};
 use crate::log::units::DEGREE;
 use crate::numerics::statistics::{Slope, median};
 use crate::vehicle::GRAVITY;
+use std::f64::consts::FRAC_PI_2;
 
 /// Ratio of the steering to the needed one that an effect can explain.
 const PLAUSIBLE: std::ops::Range<f64> = 0.5..2.0;
@@ -127,7 +128,8 @@ impl Motion {
         let by_accelerometer = self.across.is_some_and(|(by, _)| by == "ay");
         [
             ("yaw", "yaw_rate", self.turn),
-            ("y", "yaw", self.course),
+            // Mirrored at the y axis, the course is half a turn less yaw; at the x axis it is that without the half turn.
+            (if (self.mirrored - FRAC_PI_2).abs() < QUARTER { "x" } else { "y" }, "yaw", self.course),
             // Of a log without a command both are the same column.
             ("steer_cmd", "yaw_rate", self.steered[0].filter(|_| log.commanded)),
             ("steer", "yaw_rate", self.steered[1]),
@@ -291,10 +293,16 @@ fn check_signs(pairs: &[SignPair]) -> Result<(), CleanError> {
     let (mine, others) = (of(true), of(false));
     let tied = mine.len() == others.len();
     // Of two equal groups that of the first relation is named.
-    let (columns, against) = match mine.len() > others.len() {
+    let (mut columns, mut against) = match mine.len() > others.len() {
         true => (others, named_first(mine, named)),
         false => (mine, named_first(others, against)),
     };
+    // An inertial sensor that is mounted the other way round has two axes turned, and no relation joins `ax` to the others.
+    let is_sensor = columns.iter().all(|column| matches!(*column, "ay" | "yaw_rate"));
+    if is_sensor && !tied && told.iter().any(|&(one, _, factor)| one == "ax" && factor < 0.0) {
+        columns.push("ax");
+        against.push("vx");
+    }
     Err(CleanError::Sign { columns, against, tied })
 }
 
@@ -341,6 +349,9 @@ mod tests {
             ("ax", "vx", Some(1.0)),
         ];
         assert_eq!(blamed(&sensor), ("yaw_rate ay".to_owned(), false));
+        // An accelerometer that is turned by half a turn.
+        let turned = [&all(1.0, 1.0, 1.0, -1.0)[..], &[("ax", "vx", Some(-1.0))]].concat();
+        assert_eq!(blamed(&turned), ("ay ax".to_owned(), false));
         assert!(check_signs(&all(1.0, 1.0, 1.0, 0.9)).is_ok());
     }
 }
