@@ -15,6 +15,9 @@ impl Decimal {
     /// A field with a decimal point. A point in a file with decimal commas may separate thousands. The field is then
     /// returned with words after it, so that it is no number.
     pub fn plain(self, field: &str) -> Cow<'_, str> {
+        if let Some(joined) = without_apostrophes(field) {
+            return self.plain(&joined).into_owned().into();
+        }
         if let Some(plain) = without_thousands(self, field) {
             return plain.into();
         }
@@ -47,6 +50,17 @@ fn without_thousands(decimal: Decimal, field: &str) -> Option<String> {
         .then(|| format!("{}.{part}", whole.replace(thousand, "")))
 }
 
+/// A number whose thousands are apart by apostrophes, which part nothing else: `1'000`, `1’000.5`.
+fn without_apostrophes(field: &str) -> Option<String> {
+    let apostrophe = field.chars().find(|letter| matches!(letter, '\'' | '\u{2019}'))?;
+    let whole = field.split(['.', ',']).next()?;
+    let mut groups = whole.trim_start_matches(['-', '+']).split(apostrophe);
+    let figures = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    let first = groups.next().filter(|group| (1..=3).contains(&group.len()) && figures(group));
+    (first.is_some() && groups.all(|group| group.len() == 3 && figures(group)))
+        .then(|| field.replace(apostrophe, ""))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -58,6 +72,9 @@ mod tests {
             (Decimal::Point, "1,234,567.25", "1234567.25"),
             (Decimal::Comma, "1.234,5", "1234.5"),
             (Decimal::Point, "1234.5", "1234.5"),
+            (Decimal::Point, "-1'234'567.5", "-1234567.5"),
+            (Decimal::Comma, "1\u{2019}234,5", "1234.5"),
+            (Decimal::Unknown, "1'000", "1000"),
         ] {
             assert_eq!(decimal.plain(field), plain);
         }
@@ -66,6 +83,9 @@ mod tests {
             (Decimal::Point, "12,34.5"),
             (Decimal::Comma, "1.234"),
             (Decimal::Unknown, "1.2,3"),
+            (Decimal::Point, "12'34"),
+            (Decimal::Point, "1'000\u{2019}000"),
+            (Decimal::Point, "'1000"),
         ] {
             assert!(decimal.plain(field).parse::<f64>().is_err(), "{field}");
         }

@@ -5,7 +5,7 @@
 //! | a file may have | detection |
 //! |---|---|
 //! | commas, semicolons, tabs, bars or blanks | the delimiter by which most fields of the head are numbers; a line `sep=;` decides |
-//! | thousands apart (`"1,234.5"`, `1.234,5`, `1 234,5` with a hard blank), a minus of typography | read where the number shows it |
+//! | thousands apart (`"1,234.5"`, `1.234,5`, `1 234,5` with a hard blank, `1'234`), a minus of typography | read where the number shows it |
 //! | decimal commas | with commas as delimiter only in quotation marks (`"0,05"`); a file that mixes commas and points is refused |
 //! | lines of comment (`#`, `%`), blank lines | skipped; names may stand in a comment (racing lines); `#N/A,1,2` is none |
 //! | a block before the names (`"Venue","Test"`) | names are the row before the numbers that has most known names |

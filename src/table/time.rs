@@ -1,4 +1,5 @@
-//! Dates and times: those of ISO 8601, days with points (`01.05.2024`) or slashes (`2024/05/01`), times of day.
+//! Dates and times: those of ISO 8601, days with points (`01.05.2024`), slashes (`2024/05/01`) or an English month
+//! (`01-May-2024`), times of day.
 
 use crate::numerics::statistics::median;
 
@@ -6,9 +7,9 @@ use crate::numerics::statistics::median;
 const HALF_DAY: f64 = 43_200.0;
 
 /// Seconds since 1970, whole ones and the fraction, of `2024-05-01T12:00:00.02`, `20240501T120000.02`, or of
-/// `01.05.2024 12:00:00`. A blank for the `T`, `,` for the point, and `Z`, `UTC` or `+02:00` at the end are known, too.
-/// The time of day alone counts from midnight; `12:00:00:020` has thousandths, `1:05.25` is minutes and seconds. `None` for anything else: `05/01/2024` is May in one country and January
-/// in another.
+/// `01.05.2024 12:00:00`, or `01-May-2024 12:00:00` as MATLAB writes it. A blank for the `T`, `,` for the point, and `Z`, `UTC` or `+02:00` at the end are known, too.
+/// The time of day alone counts from midnight; `12:00:00:020` has thousandths, `1:05.25` is minutes and seconds. `None`
+/// for anything else: `05/01/2024` is May in one country and January in another.
 ///
 /// ```
 /// use rfl_mpc::table::time::seconds;
@@ -18,6 +19,7 @@ const HALF_DAY: f64 = 43_200.0;
 /// assert_eq!(seconds("02.01.1970 00:00:01"), Some((86_401, 0.0)));
 /// assert_eq!(seconds("19700102T020001+02:00"), Some((86_401, 0.0)));
 /// assert_eq!(seconds("1970/01/02 00:00:01 UTC"), Some((86_401, 0.0)));
+/// assert_eq!(seconds("02-Jan-1970 00:00:01"), Some((86_401, 0.0)));
 /// assert_eq!(seconds("00:01:01.25"), Some((61, 0.25)));
 /// assert_eq!(seconds("9:00:01:250"), Some((32_401, 0.25)));
 /// assert_eq!(seconds("1:05.25"), Some((65, 0.25)));
@@ -29,7 +31,7 @@ pub fn seconds(text: &str) -> Option<(i64, f64)> {
     if !text.contains([':', 'T', 't']) {
         return None;
     }
-    let apart = separated(text);
+    let apart = separated(text).or_else(|| in_figures(text));
     let text = apart.as_deref().unwrap_or(text);
     let (date, time) = match (text.get(..10), text.get(11..)) {
         (Some(date), Some(time)) if matches!(text.as_bytes()[10], b'T' | b't' | b' ') => (Some(date), time),
@@ -82,6 +84,32 @@ fn separated(text: &str) -> Option<String> {
     let [year, month, day] = [&date[..4], &date[4..6], &date[6..]];
     let [hour, minute, second] = [&time[..2], &time[2..4], &time[4..]];
     Some(format!("{year}-{month}-{day}T{hour}:{minute}:{second}{}", &text[15..]))
+}
+
+/// `1-May-2024 12:00:00` with its month in figures.
+fn in_figures(text: &str) -> Option<String> {
+    const MONTHS: [&str; 12] = [
+        "january",
+        "february",
+        "march",
+        "april",
+        "may",
+        "june",
+        "july",
+        "august",
+        "september",
+        "october",
+        "november",
+        "december",
+    ];
+    let (day, rest) = text.split_once(['-', '/', '.', ' '])?;
+    let (month, rest) = rest.split_once(['-', '/', '.', ' '])?;
+    let day: u8 = day.parse().ok()?;
+    let is_month = |name: &&str| month.eq_ignore_ascii_case(name) || month.eq_ignore_ascii_case(&name[..3]);
+    let month = 1 + MONTHS.iter().position(|name| is_month(&name))?;
+    let (year, time) = rest.split_at_checked(4)?;
+    let time = time.strip_prefix(['T', ' '])?;
+    Some(format!("{year}-{month:02}-{day:02}T{}", time.trim_start()))
 }
 
 /// Seconds that a zone (`Z`, `+02:00`, `-0330`) is ahead.
