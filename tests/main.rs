@@ -83,6 +83,7 @@ mod log_check;
 mod log_clean;
 mod log_coarse;
 mod log_commands;
+mod log_dropouts;
 mod log_frozen;
 mod log_motion;
 mod log_rate;

@@ -12,6 +12,7 @@ use super::clock::{self, Clock};
 use super::coarse;
 use super::copied;
 use super::description::describe;
+use super::dropouts;
 use super::even::on_even_clocks;
 use super::finding::{Finding, FindingSeverity};
 use super::frozen;
@@ -194,6 +195,7 @@ impl Read {
         let mut left_out = wrong.clone();
         leave_out_astray(&mut columns, jumps, &mut left_out, &mut findings);
         outliers::stamps(&mut stamps, &mut findings);
+        dropouts::leave_out_rows(&mut columns, &mut left_out, &mut findings);
         let drives = read_drives(&stamps, &columns, jumps, &mut findings)?;
         let rows: Vec<usize> = drives.iter().flat_map(|drive| drive.rows.iter().copied()).collect();
         for column in columns.values_mut() {
@@ -217,6 +219,7 @@ impl Read {
             left_out,
             coarse: BTreeMap::new(),
         };
+        dropouts::leave_out(&mut mended);
         frozen::leave_out_speeds(&mut mended);
         turning::mend(&mended.time, &mut mended.columns, &mut factors, &mut mended.findings);
         copied::leave_out(&mut mended);
@@ -425,7 +428,10 @@ fn impossible(log: &LogColumns, read: &Read) -> Result<WrongRows, CleanError> {
         if rows.is_empty() {
             continue;
         }
-        if rows.len() as f64 <= outliers::MOST * values.len() as f64 {
+        // One number throughout is a recorder's word for none.
+        let is_word = rows.iter().all(|&row| values[row] == values[rows[0]]);
+        let most = if is_word { dropouts::MOST } else { outliers::MOST };
+        if rows.len() as f64 <= most * values.len() as f64 {
             all.insert(name, rows);
         } else if matches!(name, "vx" | "yaw_rate") {
             let (row, count) = (rows[0], rows.len());

@@ -22,6 +22,8 @@
 //! | `turning.rs` | yaw and yaw rate in radians, yaw without steps |
 //! | `units.rs` | the fewest foreign units that explain these relations |
 //! | `outliers.rs` | values beyond any vehicle, and rows that their neighbours contradict |
+//! | `dropouts.rs` | one number in the place of none, for single rows or a few |
+//! | `answered.rs` | answers of the wheels to short commands |
 //! | `frozen.rs` | stretches in which a sensor repeats its last value |
 //! | `partners.rs` | what other columns tell about the changes of a sensor |
 //! | `saturated.rs` | sensors at the end of their range |
@@ -46,6 +48,7 @@
 //! | `learn.rs` | training data of a residual, completed |
 
 mod agreement;
+mod answered;
 mod averaged;
 mod clean;
 mod clean_log;
@@ -54,6 +57,7 @@ mod coarse;
 mod copied;
 mod description;
 mod differences;
+mod dropouts;
 mod error;
 mod even;
 mod finding;

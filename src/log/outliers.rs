@@ -4,6 +4,7 @@
 //! jump must far exceed the column's bends elsewhere, nearby and in the whole log. A step of steering does not come
 //! back, noise is as large everywhere, and inertia takes longer.
 
+use super::answered::{Answer, answers};
 use super::clean_log::CleanError;
 use super::finding::{Finding, FindingSeverity};
 use super::rows::{LogColumns, LogRows};
@@ -16,16 +17,16 @@ const ABSURD: f64 = 1e12;
 /// Stamps are counted in nanoseconds since 1970 at most.
 const ABSURD_TIME: f64 = 1e20;
 /// Longest outlier, rows, and s where rows come slowly.
-const LONGEST: usize = 5;
+pub(super) const LONGEST: usize = 5;
 const LONGEST_TIME: f64 = 0.1;
 /// Number of bends to each side of a row for its local scale.
-const AROUND: usize = 40;
+pub(super) const AROUND: usize = 40;
 /// Ratio of an outlier to the typical bend nearby.
-const LOCAL: f64 = 20.0;
+pub(super) const LOCAL: f64 = 20.0;
 /// Ratio of an outlier to the bend below which 95 % of the column's stay.
-const GLOBAL: f64 = 10.0;
+pub(super) const GLOBAL: f64 = 10.0;
 /// Least size of an outlier, as a share of the column's spread: less changes no answer.
-const OF_SPREAD: f64 = 0.15;
+pub(super) const OF_SPREAD: f64 = 0.15;
 /// Least size of an outlier, as a share of the signal's typical size: less is its resolution.
 const RESOLUTION: f64 = 0.01;
 /// Largest distance of the column from its earlier way after an outlier, as a share of the outlier.
@@ -36,11 +37,11 @@ pub(super) const MOST: f64 = 0.01;
 const NAMED: usize = 4;
 
 /// Least size of an outlier in a column that may jump: more than its whole spread.
-const WHOLE_SPREAD: f64 = 1.0;
+pub(super) const WHOLE_SPREAD: f64 = 1.0;
 
-/// Columns that are looked at, and the least outlier of each, as a share of its spread. A command may be anything, and
-/// kerbs and holes in the road are honest accelerations. The spread of a position is that of the road.
-const MOVING: [(&str, f64); 19] = [
+/// Columns that are looked at, and the least outlier of each, as a share of its spread. A command may be anything; of a smaller one
+/// the wheels are [asked](answers). Kerbs and holes in the road are honest accelerations. The spread of a position is that of the road.
+pub(super) const MOVING: [(&str, f64); 19] = [
     ("steer_cmd", WHOLE_SPREAD),
     ("steer", OF_SPREAD),
     ("x", 0.0),
@@ -86,13 +87,49 @@ pub(super) fn absurd(columns: &LogColumns) -> Result<(), CleanError> {
     }
 }
 
+/// Longest outlier of a log, rows.
+pub(super) fn longest(log: &LogRows) -> usize {
+    LONGEST.min(((LONGEST_TIME / log.spacing) as usize).max(1))
+}
+
+/// Least size of an outlier of a column.
+pub(super) fn least_size(name: &str) -> f64 {
+    RESOLUTION * signal::find(name).map_or(0.0, |signal| signal.nominal)
+}
+
+/// Outliers of the command: what the wheels do not answer, and, where they say nothing, what is larger than all else.
+fn commands(log: &LogRows, longest: usize) -> Vec<usize> {
+    let found = |of_spread| {
+        let values = &log.columns["steer_cmd"];
+        outliers(values, &log.spans, longest, (of_spread, least_size("steer_cmd")))
+    };
+    let candidates = found(OF_SPREAD);
+    let runs = candidates.chunk_by(|a, b| a + 1 == *b).map(|run| run[0]..run[run.len() - 1] + 1);
+    // A command may begin with a step.
+    let within =
+        |run: &Range<usize>| log.spans.iter().any(|span| span.start < run.start && run.end < span.end);
+    let runs: Vec<Range<usize>> = runs.filter(within).collect();
+    let large = if runs.is_empty() { Vec::new() } else { found(WHOLE_SPREAD) };
+    let answers = answers(log, &runs);
+    let is_outlier = |(run, answer): &(Range<usize>, Answer)| match answer {
+        Answer::None => true,
+        Answer::Given => false,
+        Answer::Unknown => large.contains(&run.start),
+    };
+    runs.into_iter().zip(answers).filter(is_outlier).flat_map(|(run, _)| run).collect()
+}
+
 /// Leaves out the outliers of all columns.
 pub(super) fn leave_out(log: &mut LogRows) {
-    let longest = LONGEST.min(((LONGEST_TIME / log.spacing) as usize).max(1));
+    let longest = longest(log);
     for (name, of_spread) in MOVING {
         let Some(values) = log.columns.get(name) else { continue };
-        let least = RESOLUTION * signal::find(name).map_or(0.0, |signal| signal.nominal);
-        let places = outliers(values, &log.spans, longest, (of_spread, least));
+        let least = least_size(name);
+        let places = if name == "steer_cmd" {
+            commands(log, longest)
+        } else {
+            outliers(values, &log.spans, longest, (of_spread, least))
+        };
         if places.is_empty() || places.len() as f64 > MOST * values.len() as f64 {
             continue;
         }
@@ -130,7 +167,7 @@ pub(super) fn listed(name: &str, values: &[(usize, f64)]) -> String {
 }
 
 /// Distance of the row `at` from the middle of those `apart` rows before and after.
-fn bend(values: &[f64], at: usize, apart: usize) -> f64 {
+pub(super) fn bend(values: &[f64], at: usize, apart: usize) -> f64 {
     (values[at] - 0.5 * (values[at - apart] + values[at + apart])).abs()
 }
 

@@ -11,6 +11,7 @@ use super::clean_log::{CleanError, CleanLog, UnusableLog};
 use super::clock;
 use super::coarse;
 use super::copied;
+use super::dropouts;
 use super::finding::{Finding, FindingSeverity};
 use super::held;
 use super::join::JUMP;
@@ -83,6 +84,7 @@ impl SteeringLog {
                         left_out: WrongRows::new(),
                         coarse: BTreeMap::new(),
                     };
+                    dropouts::leave_out(&mut rows);
                     if let Some(words) = copied::copy(&rows).or_else(|| averaged::contradiction(&rows)) {
                         return Err(unusable(CleanError::Suspect { words }));
                     }
