@@ -555,8 +555,8 @@ def said_by(done: subprocess.CompletedProcess) -> str:
 
 def without_advice(refused: str) -> str:
     """The reason alone: the advice that follows is for plants of ours."""
-    reason = refused.removeprefix("no model is written, for it is not better than the default controller: ")
-    for advice in (". The default controller ", ". The steering is not excited"):
+    reason = refused.removeprefix("no model is written, for it is not shown to be better than the default controller: ")
+    for advice in (". The default controller ", ". The steering is not excited", ". Correct the vehicle's file"):
         reason = reason.partition(advice)[0]
     return reason
 

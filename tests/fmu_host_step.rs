@@ -17,6 +17,8 @@ struct Host<C: Model, P: Model> {
     commands: Vec<(usize, usize)>,
     /// Largest lateral error, m.
     worst: f64,
+    /// True for a host that steps the vehicle before the controller.
+    vehicle_first: bool,
 }
 
 impl<C: Model, P: Model> Host<C, P> {
@@ -43,21 +45,35 @@ impl<C: Model, P: Model> Host<C, P> {
         let (of_c, of_p) = (|name: &str| of_c.find(name), |name: &str| of_p.find(name));
         let measured = pair(&of_p, &of_c, &names);
         let commands = pair(&of_c, &of_p, &["steer_cmd", "accel_cmd"]);
-        Self { controller, plant, time: 0.0, measured, commands, worst: 0.0 }
+        Self { controller, plant, time: 0.0, measured, commands, worst: 0.0, vehicle_first: false }
     }
 
     fn step(&mut self, step: f64) {
+        if self.vehicle_first {
+            self.step_vehicle(step);
+            self.step_controller(step);
+        } else {
+            self.step_controller(step);
+            self.step_vehicle(step);
+        }
+        self.time += step;
+    }
+
+    fn step_controller(&mut self, step: f64) {
         let Self { controller, plant, .. } = self;
         for &(from, to) in &self.measured {
             controller.values.set_real(to, plant.values.real(from));
         }
         controller.model.step(&mut controller.values, self.time, step, &mut controller.log).unwrap();
         self.worst = self.worst.max(controller.real("e1").abs());
+    }
+
+    fn step_vehicle(&mut self, step: f64) {
+        let Self { controller, plant, .. } = self;
         for &(from, to) in &self.commands {
             plant.values.set_real(to, controller.values.real(from));
         }
         plant.model.step(&mut plant.values, self.time, step, &mut plant.log).unwrap();
-        self.time += step;
     }
 
     /// Drives to the road's end with steps by their number; at most three minutes.
@@ -152,6 +168,27 @@ fn a_host_that_is_late_once_or_trembles_changes_nothing_and_one_that_is_fast_aga
     assert_eq!(told.len(), 2, "{told:?}");
     assert!(told[0].1.contains("sample time of 0.1 s") && told[1].1.contains("0.02 s, again"), "{told:?}");
     assert!(host.worst < 0.1, "{} m", host.worst);
+}
+
+/// A host's order of its units shows where its steps vary: the pose of a vehicle that is stepped first is newer than its time.
+#[test]
+fn steps_that_vary_are_kept_up_with_in_either_order_of_units() {
+    let folder = tempfile::tempdir().unwrap();
+    let road = road(folder.path(), &RandomRoad::CAR, 7109);
+    let in_turn = |pair: [f64; 2]| move |k: u32| pair[k as usize % 2];
+    let mixed = |k: u32| [0.005, 0.05, 0.02, 0.03, 0.011][k as usize % 5];
+    let paused = |k: u32| if k % 50 == 49 { 0.1 } else { 0.02 };
+    let cases: [&dyn Fn(u32) -> f64; 4] = [&in_turn([0.02, 0.05]), &in_turn([0.01, 0.03]), &mixed, &paused];
+    for (case, step) in cases.into_iter().enumerate() {
+        for vehicle_first in [false, true] {
+            let mut host = Host::<RflMpc, PassengerCar>::new(&road, "c_class", &[]);
+            host.vehicle_first = vehicle_first;
+            assert!(host.drive(step), "{case}, {vehicle_first}: {:?}", host.controller.log.0);
+            assert!(host.worst < 0.5, "{case}, {vehicle_first}: {} m", host.worst);
+            let stopped = host.controller.log.0.iter().find(|(_, text)| text.contains("safe_stop"));
+            assert_eq!(stopped, None, "{case}, {vehicle_first}");
+        }
+    }
 }
 
 #[test]

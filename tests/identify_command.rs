@@ -85,10 +85,22 @@ fn a_short_part_of_a_drive_is_no_step_and_a_log_counts_once() {
     let whole = std::fs::read_to_string(folder.path().join("whole.csv")).unwrap();
     let mut lines = whole.lines();
     let header = lines.next().unwrap();
-    let part: Vec<&str> = std::iter::once(header).chain(lines.skip(300).take(200)).collect();
-    std::fs::write(folder.path().join("part.csv"), part.join("\n")).unwrap();
+    let rows: Vec<&str> = lines.collect();
+    for (name, range) in [("bend.csv", 300..650), ("part.csv", 300..380)] {
+        let part: Vec<&str> = std::iter::once(header).chain(rows[range].iter().copied()).collect();
+        std::fs::write(folder.path().join(name), part.join("\n")).unwrap();
+    }
+    // Seven seconds of a bend tell it; less than two are too little, and harm no other log.
+    let together = |logs: &[&str]| {
+        done(&rfl(folder.path(), &[&["identify", "--json", "found.json"], logs].concat()));
+        let found: Value =
+            serde_json::from_slice(&std::fs::read(folder.path().join("found.json")).unwrap()).unwrap();
+        number(&found["delay"], "value")
+    };
+    assert!((together(&["bend.csv"]) - 0.12).abs() < 1e-3);
+    assert!((together(&["part.csv", "bend.csv"]) - 0.12).abs() < 1e-3);
     let error = refused(&rfl(folder.path(), &["identify", "part.csv"]));
-    assert!(error.contains("part.csv") && error.contains("at least 10 s are needed"), "{error}");
+    assert!(error.contains("part.csv") && error.contains("at least 2 s are needed"), "{error}");
     std::fs::copy(folder.path().join("whole.csv"), folder.path().join("again.csv")).unwrap();
     for one in ["identify", "diagnose"] {
         let error = refused(&rfl(folder.path(), &[one, "whole.csv", "again.csv"]));

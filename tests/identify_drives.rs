@@ -3,8 +3,8 @@
 use rfl_mpc::control::{Controller, ControllerParameters, PredictionModel};
 use rfl_mpc::log::{DriveLog, SteeringLog};
 use rfl_mpc::nominal::{
-    Actuator, DrivesError, Estimate, IdentifiedSteering, SteeringDrive, identify_by_yaw_rate_from_drives,
-    identify_from_drives,
+    Actuator, Between, DrivesError, Estimate, IdentifiedSteering, SteeringDrive,
+    identify_by_yaw_rate_from_drives, identify_from_drives,
 };
 use rfl_mpc::numerics::Random;
 use rfl_mpc::path::sudoku::Route;
@@ -197,6 +197,35 @@ fn a_rate_limit_is_modelled() {
         assert!((limited.rate_limit.unwrap() - 0.1).abs() < 2e-3, "{limited:?}");
         assert!((limited.dead_time.value - 0.06).abs() < 3e-3, "{limited:?}");
         assert!((limited.lag.value - 0.1).abs() < 6e-3, "{limited:?}");
+    }
+}
+
+/// Where the angle is at its limit for most of the time, a wrong limit passes for a long lag.
+#[test]
+fn a_rate_limit_that_governs_most_of_a_drive_leaves_no_false_lag() {
+    for rate_limit in [0.04, 0.02] {
+        let slow = found(synthetic(&SteeringChain { rate_limit, ..chain(0.0, 0.05) }, 2000, 1e-4, 5));
+        assert!((slow.rate_limit.unwrap() / rate_limit - 1.0).abs() < 0.01, "{slow:?}");
+        assert!((slow.delay.value - 0.05).abs() < 5e-3, "{slow:?}");
+    }
+}
+
+/// A recorder that repeats a command has not seen the commands between.
+#[test]
+fn commands_that_a_recorder_repeats_make_no_delay() {
+    let (time, steer_cmd) = (even(3000), commands(3000, 23, 0.05));
+    let mut random = Random::new(24);
+    let repeated: Vec<f64> = (0..3000).map(|row| steer_cmd[row / 5 * 5]).collect();
+    for noise in [1e-4, 1e-3] {
+        let response = measured(&chain(0.06, 0.1), &time, &steer_cmd, || noise * gauss(&mut random));
+        let seldom = found(drive_of(time.clone(), repeated.clone(), response));
+        assert_eq!(seldom.between, Between::Line, "{noise}: {seldom:?}");
+        assert!((seldom.delay.value - 0.16).abs() < 5e-3, "{noise}: {seldom:?}");
+        // Given so, they are what they are.
+        let response = measured(&chain(0.06, 0.1), &time, &repeated, || noise * gauss(&mut random));
+        let given = found(drive_of(time.clone(), repeated.clone(), response));
+        assert_eq!(given.between, Between::Held, "{noise}: {given:?}");
+        assert!((given.delay.value - 0.16).abs() < 5e-3, "{noise}: {given:?}");
     }
 }
 

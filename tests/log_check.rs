@@ -327,6 +327,18 @@ fn errors_to_the_path_are_refused_by_the_training_only() {
     }
 }
 
+/// On a straight road a controller's plan begins before the vehicle turns, and the other way round.
+#[test]
+fn a_sign_needs_turns() {
+    for (size, is_blamed) in [(1.0, true), (1e-5, false)] {
+        let turned = sound().without(&NOTHING_TELLS).scaled(&["steer", "steer_cmd", "ay"], -size);
+        for answer in answers(&turned.scaled(&["vy", "yaw_rate"], size).log()).iter().take(1) {
+            let blamed = answer.as_ref().is_err_and(|error| error.contains("opposite sign"));
+            assert_eq!(blamed, is_blamed, "{size}: {answer:?}");
+        }
+    }
+}
+
 #[test]
 fn a_column_that_agrees_with_the_motion_is_not_blamed() {
     for (turned, blamed) in [

@@ -120,7 +120,7 @@ fn a_model_that_saw_no_bend_is_not_shown_to_be_better_and_not_written() {
     let model = &json(&folder.path().join("fit.json"))["models"][0];
     assert!(model["proof"]["change"]["interval"][1].as_f64().unwrap() > 0.0, "{model}");
     let forced = done(&rfl(folder.path(), &[&train[..], &more, &["--force"]].concat()));
-    assert!(forced.contains("warning: not better than the default controller"), "{forced}");
+    assert!(forced.contains("warning: not shown to be better than the default controller"), "{forced}");
     assert!(folder.path().join("m.rflm").is_file());
 }
 

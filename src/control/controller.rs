@@ -13,12 +13,14 @@
 //! and to zero once a vehicle has left the path by a lane's width.
 
 mod acceleration;
+mod host_order;
 mod locate;
 mod naming;
 mod resample;
 mod steering;
 mod stored;
 
+use self::host_order::HostOrder;
 use super::bank::{Bank, BankState, KnownActuator};
 use super::clarabel_solver::BuildError;
 use super::cost_term::CostTerm;
@@ -80,6 +82,7 @@ pub struct ControllerState<const S: usize = ERRORS> {
     fading: Fading<S>,
     /// Time of the last step, s, where it was given.
     time: Option<f64>,
+    host_order: HostOrder,
     /// True once the vehicle has been near the path.
     on_path: bool,
     /// Share of the planned speed that the lateral error leaves.
@@ -221,6 +224,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             rate_sensor: RateSensor::new(&parameters.observer),
             fading: Fading::default(),
             time: None,
+            host_order: HostOrder::default(),
             on_path: false,
             speed_share: 1.0,
             station: None,
@@ -250,6 +254,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     /// A first measurement that is not finite; nothing has changed then.
     pub fn step(&mut self, measurement: &Measurement) -> Result<&StepReport, StepError> {
         self.state.time = None;
+        self.state.host_order = HostOrder::default();
         self.step_after(measurement, self.parameters.mpc.sample_time)
     }
 
@@ -259,15 +264,31 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     /// # Errors
     /// As [`step`](Self::step).
     pub fn step_at(&mut self, time: f64, measurement: &Measurement) -> Result<&StepReport, StepError> {
+        self.step_within(time, 0.0, measurement)
+    }
+
+    /// The same in a host's step of `step` s from that time on: the measurement is of its beginning, or of its end where the host
+    /// has stepped the vehicle first, which the drive shows.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn step_within(
+        &mut self,
+        time: f64,
+        step: f64,
+        measurement: &Measurement,
+    ) -> Result<&StepReport, StepError> {
         let sample_time = self.parameters.mpc.sample_time;
         let elapsed = self.state.time.map_or(sample_time, |before| time - before);
         // A clock that stands still or runs back says nothing.
         let elapsed = if elapsed > 0.0 && elapsed.is_finite() { elapsed } else { sample_time };
+        let (order, way) = (self.state.host_order, self.state.guard.way_to(measurement));
+        let elapsed = self.state.host_order.elapsed(elapsed, time + step, way, &self.parameters.observer);
         // Of a host's clock the last digits are rounding: in every host a sample time is the same.
         let elapsed = if (elapsed / sample_time - 1.0).abs() < ROUNDING { sample_time } else { elapsed };
         let before = self.state.time.replace(time);
         if let Err(error) = self.step_after(measurement, elapsed) {
-            self.state.time = before;
+            (self.state.time, self.state.host_order) = (before, order);
             return Err(error);
         }
         Ok(&self.state.last)

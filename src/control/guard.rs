@@ -143,6 +143,10 @@ pub struct GuardState {
     told: Option<Signals>,
     /// Speed, m/s, and way, m, that the commands ask for since the last measurement that said something new.
     asked: [f64; 2],
+    /// True if the place of the last measurement was that of the one before, to the bit.
+    rests: bool,
+    /// Signals outside their gates in a measurement that was a new start, as long as these contradict one another.
+    contradicting: [bool; SIGNALS],
     /// The pose that stayed to the bit while the vehicle moved, as long as it stays: no new start.
     dead_pose: Option<[f64; 3]>,
     resting: Resting,
@@ -166,6 +170,13 @@ pub struct GuardState {
     drift: f64,
     /// True if a stop that has begun is to be completed.
     stops: bool,
+}
+
+/// Way from one measurement to the next: of the poses, m, and speed by the velocities, m/s.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Way {
+    pub by_poses: f64,
+    pub speed: f64,
 }
 
 /// Judgement of a measurement.
@@ -197,6 +208,8 @@ impl Default for GuardState {
             track: None,
             told: None,
             asked: [0.0; 2],
+            rests: false,
+            contradicting: [false; SIGNALS],
             dead_pose: None,
             resting: Resting::default(),
             consistency: Consistency::default(),
@@ -293,6 +306,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
             // Nothing to bridge from as yet: what was made of the samples before holds no longer.
             let unsettled = state.unsettled + elapsed;
             self.begin(state, &told);
+            state.contradicting = believed.map(|believed| !believed);
             state.unsettled = unsettled;
             state.stops |= unsettled > self.parameters.stop_time;
             return Ok(if self.is_unsettled(state) { Judgement::Bridged } else { Judgement::Moved });
@@ -380,6 +394,7 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         let stale = OldSignals { all, pose: all || frozen_pose, place: all || frozen_place };
         let pose = [told[0], told[1], told[2]];
         state.dead_pose = if frozen_pose { Some(pose) } else { state.dead_pose.filter(|dead| *dead == pose) };
+        state.rests = same(PLACE);
         state.told = finite.then_some(*told);
         stale
     }
@@ -474,9 +489,20 @@ fn replace(measurement: &mut Measurement, believed: &[bool; SIGNALS], estimate: 
 }
 
 impl GuardState {
-    /// The signals that are bridged.
+    /// The signals that are bridged, or that contradict one another where there is nothing to bridge from.
     pub(super) fn bridged(&self) -> impl Iterator<Item = &'static Signal> {
-        NAMED.into_iter().zip(&self.age).filter(|(_, age)| **age > 0.0).map(|(signal, _)| signal)
+        let unsettled = self.unsettled > 0.0;
+        let of = NAMED.into_iter().zip(&self.age).zip(self.contradicting);
+        of.filter(move |((_, age), contradicts)| **age > 0.0 || unsettled && *contradicts)
+            .map(|((signal, _), _)| signal)
+    }
+
+    /// The way to a measurement from the last one; none without a place that is new in both.
+    pub(super) fn way_to(&self, measurement: &Measurement) -> Option<Way> {
+        let (told, before) = (signals(measurement), self.told.filter(|_| !self.rests)?);
+        let by_poses = (told[0] - before[0]).hypot(told[1] - before[1]);
+        let speed = 0.5 * (told[3] + before[3]).hypot(told[4] + before[4]);
+        (by_poses > MOVES && speed.is_finite()).then_some(Way { by_poses, speed })
     }
 
     /// True if a rate is known to be dead, or it and the yaw contradict one another.

@@ -224,8 +224,9 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
             *place(&mut measurement) = values.real(v.inputs + index);
         }
         let before = controller.report().status;
-        let report =
-            controller.step_at(time, &measurement).map_err(|error| ModelError::Discard(error.to_string()))?;
+        let report = controller
+            .step_within(time, step, &measurement)
+            .map_err(|error| ModelError::Discard(error.to_string()))?;
         let status = report.status;
         if status != before {
             statuses.tell(time, status, controller.bridged_signals(), log);

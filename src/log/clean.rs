@@ -224,7 +224,7 @@ impl Read {
         turning::mend(&mended.time, &mut mended.columns, &mut factors, &mut mended.findings);
         copied::leave_out(&mut mended);
         averaged::leave_out(&mut mended);
-        held::mend(&mut mended);
+        held::mend(&mut mended, &[]);
         frozen::leave_out_contradicted(&mut mended);
         coarse::mend(&mut mended);
         leave_out_faults(&mut mended);
@@ -304,7 +304,7 @@ fn read_drives(
             columns.values().all(|column| column[from + a].to_bits() == column[from + b].to_bits())
         };
         let mut found = Vec::new();
-        match clock::read(&stamps[span.clone()], way, same, &mut found) {
+        match clock::read(&stamps[span.clone()], LEAST_LENGTH, way, same, &mut found) {
             Ok(mut clock) => {
                 let rows: Vec<usize> = clock.rows.iter().map(|row| from + row).collect();
                 if let Some(names) = mixed::columns(columns, &rows, stamps) {

@@ -11,9 +11,14 @@ pub(super) const STANDING: f64 = 2.0;
 /// Least length of a log, s.
 pub(super) const LEAST_LENGTH: f64 = 10.0;
 
-/// True for a drive of so many s that is long enough, but for the rounding of a clock. Each row stands for a step.
+/// True for a drive of so many s that is long enough. Each row stands for a step.
 pub(super) fn is_long_enough(length: f64) -> bool {
-    length >= 0.999 * LEAST_LENGTH
+    is_as_long(length, LEAST_LENGTH)
+}
+
+/// True for a length of at least so many s, but for the rounding of a clock.
+pub(super) fn is_as_long(length: f64, least: f64) -> bool {
+    length >= 0.999 * least
 }
 
 /// Uncertainty of a column that is written in steps, or that has fewer samples than rows.
@@ -139,10 +144,10 @@ pub enum CleanError {
     FewTimes { rows: usize, times: usize, apart: f64 },
     #[error(
         "the clock starts anew {} times, first in row {row}; the longest of the {drives} drives between is {length:.2} s \
-         long, and at least {LEAST_LENGTH} s are needed",
+         long, and at least {least} s are needed",
         drives - 1
     )]
-    ShortDrives { row: usize, drives: usize, length: f64 },
+    ShortDrives { row: usize, drives: usize, length: f64, least: f64 },
     #[error(
         "the drive is {length:.2} s long ({rows} rows); at least {least} s are needed{}",
         unit.map_or(String::new(), |unit| format!(
@@ -201,6 +206,14 @@ pub enum CleanError {
         if *degrees { " and convert it to radians" } else { "" }
     )]
     SteeringWheel { column: &'static str, ratio: f64, degrees: bool },
+}
+
+impl CleanError {
+    /// True for a log whose only fault is that it ended early.
+    #[must_use]
+    pub fn is_too_short(&self) -> bool {
+        matches!(self, Self::NoRows { .. } | Self::TooShort { .. } | Self::ShortDrives { .. })
+    }
 }
 
 /// Words on columns of the opposite sign: one advice for all of a frame.

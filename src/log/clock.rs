@@ -1,6 +1,6 @@
 //! A log's clock: its unit, the order of its rows, and their even clock.
 
-use super::clean_log::{CleanError, LEAST_LENGTH, is_long_enough};
+use super::clean_log::{CleanError, is_as_long};
 use super::finding::{Finding, FindingSeverity};
 use crate::numerics::statistics::median;
 use std::cmp::Ordering;
@@ -35,13 +35,14 @@ pub(super) struct Clock {
     pub factor: f64,
 }
 
-/// Reads the clock. `way` is the ratio of a row's way to that by speed and clock, where a log has both. `same` tells if
-/// two rows hold the same values.
+/// Reads the clock of a drive of at least `least` s. `way` is the ratio of a row's way to that by speed and clock, where a log has
+/// both. `same` tells if two rows hold the same values.
 ///
 /// # Errors
 /// No row, a log that is too short or too slow.
 pub(super) fn read(
     stamps: &[f64],
+    least: f64,
     way: Option<f64>,
     same: impl Fn(usize, usize) -> bool,
     findings: &mut Vec<Finding>,
@@ -83,13 +84,13 @@ pub(super) fn read(
     longest_drive(&mut rows, &mut time, &mut found);
     let length = time.last().unwrap_or(&0.0) - time.first().unwrap_or(&0.0);
     let Some(typical) = typical_step(&time).filter(|_| time.len() > 2) else {
-        return Err(CleanError::TooShort { length, rows: rows.len(), least: LEAST_LENGTH, unit: told });
+        return Err(CleanError::TooShort { length, rows: rows.len(), least, unit: told });
     };
     if 1.0 / typical < SLOWEST {
         return Err(CleanError::TooSlow { rate: 1.0 / typical, least: SLOWEST });
     }
-    if !is_long_enough(length + typical) {
-        return Err(CleanError::TooShort { length, rows: rows.len(), least: LEAST_LENGTH, unit: told });
+    if !is_as_long(length + typical, least) {
+        return Err(CleanError::TooShort { length, rows: rows.len(), least, unit: told });
     }
     if 1.0 / typical < SLOW {
         let rate = 1.0 / typical;
@@ -217,15 +218,16 @@ pub(super) fn drives(stamps: &[f64]) -> Vec<Range<usize>> {
 /// Reason for which none of a log's drives can be used, from their errors.
 pub(super) fn none_usable(drives: &[Range<usize>], errors: Vec<CleanError>) -> CleanError {
     let length = |error: &CleanError| match error {
-        CleanError::TooShort { length, .. } => Some(*length),
+        CleanError::TooShort { length, least, .. } => Some((*length, *least)),
         _ => None,
     };
-    let lengths: Option<Vec<f64>> = errors.iter().map(length).collect();
+    let lengths: Option<Vec<(f64, f64)>> = errors.iter().map(length).collect();
     match (drives, lengths) {
         ([_, second, ..], Some(lengths)) => CleanError::ShortDrives {
             row: second.start + 1,
             drives: drives.len(),
-            length: lengths.into_iter().fold(0.0, f64::max),
+            length: lengths.iter().map(|(length, _)| *length).fold(0.0, f64::max),
+            least: lengths.first().map_or(0.0, |(_, least)| *least),
         },
         _ => errors.into_iter().next().unwrap_or(CleanError::NoRows { rows: 0 }),
     }

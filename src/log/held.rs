@@ -58,13 +58,15 @@ pub(super) const LONGEST_LINE: usize = 20;
 /// Usual bend on lines, over a large one.
 const RARE: f64 = 0.1;
 
-/// Lays lines between samples instead of repeated values; what comes too slowly for that is left out between them.
-pub(super) fn mend(log: &mut LogRows) {
+/// Lays lines between samples instead of repeated values. What comes too slowly for that, and columns of which only samples are
+/// `wanted`, are left out between them.
+pub(super) fn mend(log: &mut LogRows, wanted: &[&str]) {
     for name in SENSORS {
         let (time, spacing) = (&log.time, log.spacing);
         let Some(values) = log.columns.get_mut(name) else { continue };
         let Some(samples) = Samples::of(values, time, &log.spans, spacing) else { continue };
         let apart = samples.apart;
+        let only_samples = wanted.contains(&name);
         let is_slow = apart > if name == "vx" { SLOWEST } else { SHORT };
         // Quick lines are what a hole would be filled with.
         if !samples.held && !is_slow {
@@ -75,12 +77,17 @@ pub(super) fn mend(log: &mut LogRows) {
             if samples.held { "repeats each value for" } else { "lies on straight lines of" },
             (apart / spacing).round(),
             1.0 / apart,
-            if is_slow { "too slowly to be compared" } else { "values between are laid on lines" }
+            match (is_slow, only_samples) {
+                (true, _) => "too slowly to be compared",
+                (false, true) => "values between are left out",
+                (false, false) => "values between are laid on lines",
+            }
         );
-        if is_slow {
+        if is_slow || only_samples {
             let between: Vec<usize> = samples.pairs(time).flat_map(|(from, to)| from + 1..to).collect();
             log.leave_out(name, between);
-            log.find(FindingSeverity::Warning, name, words);
+            let gravity = if is_slow { FindingSeverity::Warning } else { FindingSeverity::Note };
+            log.find(gravity, name, words);
             continue;
         }
         // A line between two samples has the errors of both: two thirds of one's variance, on average.

@@ -26,6 +26,9 @@ const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// Steering beyond this is an angle in degrees, or at the steering wheel, rad.
 const MOST: f64 = 1.6;
 
+/// Least length of a drive, s: longer than what is forgotten at its beginning and a delay. The intervals say what it tells.
+const LEAST_LENGTH: f64 = 2.0;
+
 /// A log's drives for an identification, and what was found on the way.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SteeringLog {
@@ -67,7 +70,7 @@ impl SteeringLog {
                 command[a].to_bits() == command[b].to_bits() && angle[a].to_bits() == angle[b].to_bits()
             };
             let mut findings = Vec::new();
-            match clock::read(stamps, None, same, &mut findings) {
+            match clock::read(stamps, LEAST_LENGTH, None, same, &mut findings) {
                 Ok(clock) => {
                     let in_file: Vec<usize> = clock.rows.iter().map(|row| span.start + row).collect();
                     let of = |(&name, column): (&&'static str, &Vec<f64>)| {
@@ -88,7 +91,8 @@ impl SteeringLog {
                     if let Some(words) = copied::copy(&rows).or_else(|| averaged::contradiction(&rows)) {
                         return Err(unusable(CleanError::Suspect { words }));
                     }
-                    held::mend(&mut rows);
+                    // A fit needs no angle where none was measured.
+                    held::mend(&mut rows, &["steer"]);
                     let written = rows.columns["steer"].clone();
                     coarse::mend(&mut rows);
                     leave_out_faults(&mut rows);
@@ -111,7 +115,7 @@ impl SteeringLog {
         }
         if spans.len() > 1 {
             let words = format!(
-                "the clock starts anew {} times: {} drives of 10 s and more are used",
+                "the clock starts anew {} times: {} drives of {LEAST_LENGTH} s and more are used",
                 spans.len() - 1,
                 found.drives.len()
             );

@@ -218,15 +218,24 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
     args.reading.check_distinct(&args.logs)?;
     let steady = |speed: f64| steady_steering(&vehicle, speed);
     let (mut drives, mut findings, mut rows) = (Vec::new(), Vec::new(), 0);
-    let mut in_other_unit = false;
+    let (mut in_other_unit, mut too_short) = (false, None);
     for file in &args.logs {
         let log = args.reading.read(file)?;
         let read = if args.by_yaw_rate {
-            SteeringLog::by_yaw_rate(&log, &steady)?
+            SteeringLog::by_yaw_rate(&log, &steady)
         } else {
             // The words for a missing column are the same as for a step.
             step::read(file, args)?;
-            SteeringLog::by_angle(&log, &steady)?
+            SteeringLog::by_angle(&log, &steady)
+        };
+        let read = match read {
+            Err(error) if args.logs.len() > 1 && error.cause.is_too_short() => {
+                let words = format!("{error}: left out");
+                findings.push(Finding::new(FindingSeverity::Warning, Some("time"), words));
+                too_short = Some(error);
+                continue;
+            }
+            read => read?,
         };
         rows += log.column("time").map_or(0, <[f64]>::len);
         in_other_unit |= read.in_other_unit;
@@ -236,6 +245,9 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
             false => finding,
         }));
         drives.extend(read.drives.into_iter().map(|drive| part_of(drive, args)));
+    }
+    if let Some(error) = too_short.filter(|_| drives.is_empty()) {
+        return Err(error.into());
     }
     let mut steering = from_drives(&drives, through).map_err(|error| match &args.logs[..] {
         [file] => format!("{}: {error}", file.display()),

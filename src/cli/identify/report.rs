@@ -73,7 +73,7 @@ fn notes(found: &IdentifiedLog, steering: &IdentifiedSteering, args: &IdentifyAr
     }
     if steering.between == Between::Line {
         warn!(
-            "note: commands between rows lie on a line: they are recorded more slowly than they are given; record \
+            "note: commands between those that are written lie on a line: they are recorded more slowly than they are given; record \
              {} at the controller's rate",
             crate::signal::STEER_CMD.name
         );

@@ -105,6 +105,12 @@ impl Coverage {
 
     /// Advice for better logs.
     pub fn advice(&self, car: &str, reason: &NotBetter) -> String {
+        if let NotBetter::Unexplained { .. } = reason {
+            return format!(
+                "Correct the vehicle's file (wheelbase, mass, tyres) and its steering (rfl identify LOG.csv --into CAR.toml); \
+                 rfl diagnose LOG.csv{car} says what the file lacks"
+            );
+        }
         if self.shown.is_some_and(|shown| shown.is_shown()) {
             let choice = match reason {
                 NotBetter::NotShown { .. } => "drives about as well, and needs no model",

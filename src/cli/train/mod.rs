@@ -203,7 +203,7 @@ where
     }
     let refused = refused.map(|reason| {
         let advice = covered.advice(&car, &reason);
-        format!("no model is written, for it is not better than the default controller: {reason}. {advice}; or --force")
+        format!("no model is written, for it is not shown to be better than the default controller: {reason}. {advice}; or --force")
     });
     Ok(TrainingResult { report, refused })
 }
@@ -285,7 +285,8 @@ where
     ) -> Result<(Value, Option<NotBetter>), Box<dyn Error>> {
         let (args, mut refused) = (self.args, None);
         let config = args.tuning.config(kind, args.all.is_some(), self.window, self.prior);
-        let (model, mut said) = fit::learn(&self.logs.data, self.logs.test.as_ref(), &config, bar, first)?;
+        let (model, left, mut said) =
+            fit::learn(&self.logs.data, self.logs.test.as_ref(), &config, bar, first)?;
         if let Some(determined) = said["determined"].as_f64() {
             say!(
                 "the logs determine {:.0} % of the window's directions, the prior the others",
@@ -294,13 +295,13 @@ where
         }
         let model = Arc::new(model);
         if let Some(prover) = &self.prover {
-            let (proof, verdict) = prover.prove(&model, args)?;
+            let (proof, verdict) = prover.prove(&model, &left, args)?;
             said["proof"] = proof;
             said["proven"] = json!(verdict.is_ok());
             match verdict {
                 Err(reason) if args.force => {
                     say!(
-                        "warning: not better than the default controller: {reason}; written all the same (--force)"
+                        "warning: not shown to be better than the default controller: {reason}; written all the same (--force)"
                     );
                 }
                 Err(reason) => refused = Some(reason),

@@ -9,7 +9,7 @@ use crate::control::{
     Residual, RollOut,
 };
 use crate::residual::{DataSet, ResidualModelFor, ShownActuator};
-use crate::simulate::prove::{Contest, Exam, NotBetter, explaining_plants};
+use crate::simulate::prove::{Contest, Exam, ExplainingPlants, NotBetter, PlantMisfit, explaining_plants};
 use serde_json::{Value, json};
 use std::error::Error;
 use std::sync::{Arc, Mutex};
@@ -17,6 +17,7 @@ use std::sync::{Arc, Mutex};
 /// Proves models in closed loop.
 pub(super) struct Prover<P: Commanded<S, C>, const S: usize, const C: usize> {
     exam: Mutex<Exam<P, S, C>>,
+    misfit: PlantMisfit,
 }
 
 impl<P, const S: usize, const C: usize> Prover<P, S, C>
@@ -34,7 +35,7 @@ where
         let mass = P::mass(&nominal);
         let loaded = |stiffness, payload| P::loaded(nominal, stiffness, payload);
         let (seed, threads) = (args.tuning.seed, args.tuning.threads);
-        let plants =
+        let ExplainingPlants { plants, misfit } =
             explaining_plants::<P, S, C>(data, shown, &vehicle, mass, &loaded, [seed, threads as u64])?;
         let default = Choice {
             variant: ControlVariant::Adaptive,
@@ -48,12 +49,14 @@ where
         let bar = progress_bar("default controller", 1.0, args.quiet);
         let exam = Exam::new(&contest, &plants, seed, threads, &|| bar.step())?;
         bar.finish_and_clear();
-        Ok(Self { exam: Mutex::new(exam) })
+        Ok(Self { exam: Mutex::new(exam), misfit })
     }
 
+    /// Drives with a model that leaves such shares of the states' one-step errors, and the verdict.
     pub fn prove(
         &self,
         model: &Arc<ResidualModelFor<VehicleLinearModel<P, S, C>, S>>,
+        left: &[f64; S],
         args: &TrainArgs,
     ) -> Result<(Value, Result<(), NotBetter>), Box<dyn Error>> {
         let mut exam = self.exam.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -78,9 +81,16 @@ where
             1e3 * default.max,
             default.lost
         );
-        let verdict = proof.check();
-        let value =
-            json!({ "default": default, "learned": learned, "change": change, "drives": proof.drives });
+        let left = [left[1], left[3]];
+        // On a plant of another kind the model is worse for a reason that the vehicle does not have.
+        let verdict = proof.check().map_err(|reason| match reason {
+            NotBetter::Lost { .. } => reason,
+            _ if self.misfit.explains(left) => reason,
+            _ => NotBetter::Unexplained { plants: self.misfit, model: left },
+        });
+        let value = json!({
+            "default": default, "learned": learned, "change": change, "plants": self.misfit, "drives": proof.drives,
+        });
         Ok((value, verdict))
     }
 }

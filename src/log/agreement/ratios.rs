@@ -134,6 +134,13 @@ pub(super) fn winding(log: &CleanLog) -> Option<Slope> {
     change(log, "curvature", &vx.iter().zip(rate).map(|(v, rate)| v * rate).collect::<Vec<_>>())
 }
 
+/// True if the vehicle turns at all. In turns of a millionth the steering is the beginning of a plan, and `ay` a drift.
+pub(super) fn turns(log: &CleanLog) -> bool {
+    let (Some(vx), Some(rate)) = (log.columns.get("vx"), log.columns.get("yaw_rate")) else { return false };
+    let turning = blocks(log, vx).zip(blocks(log, rate)).map(|(v, rate)| (v * rate).abs());
+    quantile(turning.collect(), 0.98).is_some_and(|most| most > SLIGHT)
+}
+
 /// Slope of `ay` over `vx * yaw_rate`.
 pub(super) fn lateral(log: &CleanLog) -> Option<Slope> {
     let (ay, vx, rate) = (log.columns.get("ay")?, log.columns.get("vx")?, log.columns.get("yaw_rate")?);

@@ -3,7 +3,7 @@
 use super::commands::{ASKED, driven};
 use super::rate_scale;
 use super::ratios::{
-    Errors, STEEP, bend, course, errors, gravity, lateral, steered, turn_factor, way, winding,
+    Errors, STEEP, bend, course, errors, gravity, lateral, steered, turn_factor, turns, way, winding,
 };
 use crate::log::clean_log::{CleanError, CleanLog};
 use crate::log::finding::FindingSeverity;
@@ -64,9 +64,9 @@ struct Motion {
     apart: f64,
     /// The angle between course and a quarter turn less yaw, rad.
     mirrored: f64,
-    /// `steer_cmd` and `steer` over the angle of steady cornering.
+    /// `steer_cmd` and `steer` over the angle of steady cornering, of a vehicle that turns.
     steered: [Option<f64>; 2],
-    /// ay over speed times yaw rate.
+    /// ay over speed times yaw rate, of a vehicle that turns.
     lateral: Option<f64>,
     /// vy over the velocity across the body by x, y and yaw, or by ay.
     across: Option<Told>,
@@ -89,15 +89,16 @@ impl Motion {
         let course = course(log);
         let (apart, mirrored) = course.map_or((0.0, 0.0), |course| (course.apart, course.mirrored));
         let course = course.map(|course| course.slope.factor);
-        let steered =
-            ["steer_cmd", "steer"].map(|column| steered(log, column, steering).map(|slope| slope.factor));
+        // No two of these are one quantity: they agree in turns, and only there.
+        let in_turns = |of: Option<Slope>| of.filter(|_| turns(log)).map(|slope| slope.factor);
+        let steered = ["steer_cmd", "steer"].map(|column| in_turns(steered(log, column, steering)));
         Self {
             turn,
             course,
             apart,
             mirrored,
             steered,
-            lateral: lateral(log).map(|slope| slope.factor),
+            lateral: in_turns(lateral(log)),
             across: kinematics::vy_factor(log),
             along: kinematics::ax_factor(log),
             driven: driven(log).map(|(by, slope)| (by, slope.factor)),

@@ -50,13 +50,17 @@ impl BestPoint {
         if self.problem.response.half_gap.is_none_or(|half| half <= 0.0) {
             return stiff;
         }
+        if self.explains_more_than(&stiff) { self } else { stiff }
+    }
+
+    /// True if it explains its rows better than another one does, by more than chance makes it.
+    pub fn explains_more_than(&mut self, other: &Self) -> bool {
         // Both by the same rows.
-        let mut other = stiff.clone();
+        let mut other = other.clone();
         other.problem.rows.counts.clone_from(&self.problem.rows.counts);
-        other.best = other.problem.refine(&stiff.best, 0.02, 0.04);
+        other.best = other.problem.refine(&other.best, 0.02, 0.04);
         let noise = FitNoise::of(&mut self.problem, &self.best);
-        let shown = other.problem.is_worse(&other.best, &mut self.problem, &self.best, &noise);
-        if shown { self } else { stiff }
+        other.problem.is_worse(&other.best, &mut self.problem, &self.best, &noise)
     }
 
     /// The same without a gap.

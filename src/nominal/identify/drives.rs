@@ -8,7 +8,8 @@
 //! show one. The drives may begin in a bend, have gaps, uneven rows, wrong rows, lost rows and stretches at a rate limit:
 //!
 //! - a row whose residual stands out of those beside it is wrong and left out: errors of a model last longer;
-//! - where rows were lost the commands between may explain more if they are put on a line, and held like the others;
+//! - where rows were lost, or commands are repeated, those between may explain more if they are put on a line,
+//!   and held like the others;
 //! - a limit of the angle's rate is modelled if it explains clearly more;
 //! - so is a gap, which without one would pass for a long lag, if the squares fall by more than chance makes them;
 //! - where commands are recorded more slowly than they are given, a line between rows may explain much more than steps.
@@ -163,7 +164,13 @@ pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteeri
         return found.identified();
     }
     let filled = rows.with_lost_rows(drives).map(|rows| held(&rows));
-    found = filled.filter(|filled| filled.rms() < LINE_BETTER * found.rms()).unwrap_or(found);
+    let is_better = |filled: &mut BestPoint| {
+        // Under noise a wrong delay makes up for most of what slow commands lack.
+        let alike = filled.problem.rows.time.len() == found.problem.rows.time.len();
+        filled.rms() < LINE_BETTER * found.rms()
+            || filled.problem.rows.laid && alike && filled.explains_more_than(&found)
+    };
+    found = filled.and_then(|mut filled| is_better(&mut filled).then_some(filled)).unwrap_or(found);
     let mut line = found.clone();
     line.problem.response = Response::angle(&line.problem.rows, Between::Line);
     // A line runs half a step behind the step before it.
@@ -274,7 +281,7 @@ impl BestPoint {
             backlash: backlash.map(|width| estimate(width, GAP_ENOUGH.max(GAP_SHARE * width[1]))),
             rate_limit: Some(self.problem.response.rate_limit * best.beta[0].abs())
                 .filter(|limit| limit.is_finite()),
-            between: self.problem.response.between,
+            between: if self.problem.rows.laid { Between::Line } else { self.problem.response.between },
         };
         if explained < LEAST_SHARE {
             self.no_response(&mut identified)?;

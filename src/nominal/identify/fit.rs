@@ -23,7 +23,7 @@ pub(super) const LONGEST_DEAD_TIME: f64 = 1.0;
 /// Longest lag that is looked for, s.
 pub(super) const LONGEST_LAG: f64 = 2.0;
 /// Step of the grid's dead times, s.
-const GRID: f64 = 0.02;
+pub(super) const GRID: f64 = 0.02;
 /// Shortest lag of the grid beside none, s, and the ratio of its neighbours.
 const SHORT_LAG: f64 = 5e-3;
 const GRID_RATIO: f64 = 1.6;
@@ -34,7 +34,7 @@ const BLOCK: usize = 500;
 const ON: usize = 12;
 /// Rows that are enough for a rough answer, and steps of its grid.
 const PART_ROWS: usize = 2000;
-const ROUGH: u32 = 14;
+pub(super) const ROUGH: u32 = 14;
 /// Remainder at which a free response is over.
 const OVER: f64 = 1e-7;
 /// Lags that are tried before golden sections.
@@ -313,6 +313,10 @@ impl ActuatorProblem {
 
     /// The blocks that move most, for rough answers.
     pub fn part(&self) -> Self {
+        // A block begins as if its command had stood: behind a rate limit that is not soon forgotten.
+        if self.rows.time.len() <= 2 * PART_ROWS {
+            return self.clone();
+        }
         let (rows, places) = self.rows.most_moved(PART_ROWS, BLOCK);
         Self::new(rows, self.response.of_part(&places))
     }

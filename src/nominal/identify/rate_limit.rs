@@ -4,16 +4,20 @@
 //! x' = clamp((u(t - T) - x) / tau, +-limit)
 //! ```
 //!
-//! Limits are tried from the greatest observed rate downwards, then limit and the rest are found in turn.
+//! Limits are tried from the greatest observed rate downwards; then the best near it is found by golden sections, each with the
+//! best of the rest.
 
 use super::best_point::BestPoint;
-use super::fit::LEAST_NOISE;
+use super::fit::{ActuatorProblem, GRID, LEAST_NOISE, Point, ROUGH};
+use super::record::golden_section;
 
 /// Number of rate limits that are tried, each this share of the one before, from the greatest observed rate.
 const LIMITS: i32 = 12;
 const LIMIT_RATIO: f64 = 0.82;
-/// Rounds of finding the limit and the rest in turn.
-const LIMIT_ROUNDS: usize = 5;
+/// Golden sections of the limit on some of the rows, about the best that was tried; then of all rows within this share of it.
+const ROUGH_SECTIONS: u32 = 12;
+const FINE_SECTIONS: u32 = 6;
+const FINE_RATIO: f64 = 0.98;
 /// A rate limit must lower the error to this share of it.
 const CLEARLY_BETTER: f64 = 0.7;
 
@@ -41,29 +45,32 @@ impl BestPoint {
         if best.1.cost.is_nan() || best.1.cost >= clear {
             return self;
         }
-        // Limit and the rest in turn.
-        let (mut limit, mut ratio) = (best.0, LIMIT_RATIO);
+        // The limit, with the best of the rest for each: a valley leads from a wrong limit to a wrong lag.
+        let most = self.best.dead_time + self.best.lag + 2.0 * GRID;
+        let window = most / f64::from(ROUGH);
+        let found = Self::nearest_limit(&mut part, best, LIMIT_RATIO, (ROUGH_SECTIONS, window));
         let mut other = self.clone();
-        other.best = best.1;
-        for _ in 0..LIMIT_ROUNDS {
-            other.problem.response.rate_limit = limit;
-            other.best = other.problem.refine(&other.best, 0.01, 0.02);
-            for _ in 0..2 {
-                for factor in [ratio, 1.0 / ratio] {
-                    other.problem.response.rate_limit = limit * factor;
-                    let found = other.problem.lag_for(other.best.dead_time, other.best.lag, 5e-3);
-                    if found.cost < other.best.cost {
-                        (limit, other.best) = (limit * factor, found);
-                    }
-                }
-                ratio = ratio.sqrt();
-            }
-        }
-        other.problem.response.rate_limit = limit;
+        let (limit, point) =
+            Self::nearest_limit(&mut other.problem, found, FINE_RATIO, (FINE_SECTIONS, 0.01));
+        (other.problem.response.rate_limit, other.best) = (limit, point);
         let other = other.polished();
         if other.rms() < CLEARLY_BETTER * least {
             self = other;
         }
         self
+    }
+
+    /// The best limit within a ratio of another, and its point with a dead time within a window of the other's.
+    fn nearest_limit(
+        problem: &mut ActuatorProblem,
+        (near, point): (f64, Point),
+        ratio: f64,
+        (sections, window): (u32, f64),
+    ) -> (f64, Point) {
+        let of = |limit: f64| {
+            problem.response.rate_limit = limit;
+            (limit, problem.refine(&point, window, 2.0 * window))
+        };
+        golden_section(near * ratio, near / ratio, sections, of, |(_, point)| point.cost)
     }
 }

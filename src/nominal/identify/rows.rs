@@ -1,6 +1,7 @@
 //! The rows of drives for a fit: stretches without gaps, without wrong values, with a mark for rows that count.
 
 use super::steering_drive::{LeftOut, SteeringDrive};
+use std::borrow::Cow;
 
 /// Longest hole with known commands, s: a longer one ends the stretch.
 const LONGEST_HOLE: f64 = 0.15;
@@ -17,6 +18,8 @@ const FASTEST: f64 = 100.0;
 const FEWEST_STEPS: usize = 3;
 const WHOLE: f64 = 0.95;
 const EVEN: f64 = 0.05;
+/// Fewest rests of a command that tell how it is recorded.
+const FEWEST_RESTS: usize = 12;
 /// Time after which the command before a stretch is forgotten, s; or a quarter of the stretch.
 const FORGOTTEN: f64 = 1.0;
 
@@ -47,6 +50,8 @@ pub(super) struct DriveRows {
     pub step: f64,
     /// Step in which each drive's response was written, 0 if it is not seen.
     pub resolutions: Vec<f64>,
+    /// True if commands lie on lines between those that changed.
+    pub laid: bool,
 }
 
 /// Least and greatest ordinary value, far ones beyond.
@@ -87,14 +92,47 @@ fn written_step(values: &[f64]) -> f64 {
     if wholes >= WHOLE * gaps.len() as f64 { step } else { 0.0 }
 }
 
+/// Rows for which a command is repeated, where it changes on such a beat only; else 1.
+fn held_rows(commands: &[f64]) -> usize {
+    let rests: Vec<usize> = commands.chunk_by(|a, b| a == b).map(<[f64]>::len).collect();
+    // Where the record begins and ends in a rest is chance.
+    let Some(within) =
+        rests.get(1..rests.len().saturating_sub(1)).filter(|within| within.len() >= FEWEST_RESTS)
+    else {
+        return 1;
+    };
+    let mut sorted = within.to_vec();
+    sorted.sort_unstable();
+    let beat = sorted[sorted.len() / 4];
+    let on_beat = within.iter().filter(|rest| **rest % beat == 0).count() as f64;
+    if on_beat >= WHOLE * within.len() as f64 { beat } else { 1 }
+}
+
+/// The first command of each beat; the others are no numbers.
+fn told(commands: &[f64], beat: usize) -> Vec<f64> {
+    let mut told = Vec::with_capacity(commands.len());
+    for rest in commands.chunk_by(|a, b| a == b) {
+        // The first rest may have begun before the record.
+        let begun = if told.is_empty() { (beat - rest.len() % beat) % beat } else { 0 };
+        let first = told.len();
+        told.resize(first + rest.len(), f64::NAN);
+        for (row, command) in rest.iter().enumerate() {
+            if (row + begun) % beat == 0 || first + row == 0 {
+                told[first + row] = *command;
+            }
+        }
+    }
+    told
+}
+
 impl DriveRows {
     /// The rows of drives, `even` where each row has to stay, as a model sampled at the clock needs it.
     pub fn of(drives: &[SteeringDrive], even: bool) -> Self {
         Self::collected(drives, even, false)
     }
 
-    /// The same of drives whose record lost rows: commands that nobody recorded are on a line between those beside them, and
-    /// held like these. `None` if none is missing.
+    /// The same of drives whose record lost commands: rows, or commands that a recorder has repeated. Those that
+    /// nobody recorded are on a line between those beside them, and held like these. `None` if none is missing.
     pub fn with_lost_rows(&self, drives: &[SteeringDrive]) -> Option<Self> {
         let filled = Self::collected(drives, false, true);
         (filled.command != self.command).then_some(filled)
@@ -126,14 +164,20 @@ impl DriveRows {
     }
 
     fn add(&mut self, place: u32, drive: &SteeringDrive, even: bool, fill: bool) {
+        let repeated = if fill { held_rows(&drive.steer_cmd) } else { 1 };
+        self.laid |= repeated > 1;
+        let told = match repeated {
+            1 => Cow::Borrowed(&drive.steer_cmd[..]),
+            beat => Cow::Owned(told(&drive.steer_cmd, beat)),
+        };
         let [low, high] = ordinary(&drive.steer_cmd);
         let [least, most] = ordinary(&drive.response);
         let step = typical_step(&drive.time);
-        let hole = LONGEST_HOLE.max(HOLE_STEPS * step);
+        let hole = LONGEST_HOLE.max(HOLE_STEPS * step * repeated as f64);
         // Time of the last row with a command, and the command.
         let mut known: Option<(f64, f64)> = None;
         for row in 0..drive.time.len() {
-            let (time, mut command, response) = (drive.time[row], drive.steer_cmd[row], drive.response[row]);
+            let (time, mut command, response) = (drive.time[row], told[row], drive.response[row]);
             let speed = drive.speed.get(row).copied();
             if !(time.is_finite() && known.is_none_or(|(last, _)| time > last)) {
                 continue;

@@ -20,7 +20,7 @@ mod paired;
 mod plants;
 
 pub use paired::PairedChange;
-pub use plants::{ExplainedPlant, explaining_plants};
+pub use plants::{ExplainedPlant, ExplainingPlants, PlantMisfit, explaining_plants};
 
 use super::experiment::{Compared, NominalOf};
 use super::tune::{ControllerNumbers, Scenario, ScenarioError, ScenarioResult};
@@ -121,6 +121,19 @@ pub enum NotBetter {
         drives: usize,
         /// Change from the default's to the model's.
         change: PairedChange,
+    },
+    /// It is not better on plants that are none of the log's.
+    #[error(
+        "no plant of our family explains these logs as well as the model: of the one-step errors of the file's vehicle the best plant \
+         leaves {:.0} % (lateral) and {:.0} % (yaw), the model {:.0} % and {:.0} %{}. So simulated drives do not tell which is better",
+        100.0 * plants.left[0], 100.0 * plants.left[1], 100.0 * model[0], 100.0 * model[1],
+        if plants.at_border { ", and its tyre stiffness is at the border of what tyres have" } else { "" }
+    )]
+    Unexplained {
+        /// Misfit of the plants.
+        plants: PlantMisfit,
+        /// Shares that the model leaves, held out.
+        model: [f64; 2],
     },
     /// One drive is clearly worse.
     #[error("in one simulated drive ({name}) its lateral error is {:.2} mm mean, {:.1} mm max; the default controller's {:.2} and {:.1} mm", 1e3 * learned.0, 1e3 * learned.1, 1e3 * default.0, 1e3 * default.1)]
