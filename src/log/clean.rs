@@ -17,7 +17,7 @@ use super::finding::{Finding, FindingSeverity};
 use super::frozen;
 use super::held;
 use super::join::JUMP;
-use super::jumps::{self, Jump};
+use super::jumps::{self, Beyond, Jump};
 use super::late::{self, Lateness};
 use super::mixed;
 use super::outliers;
@@ -130,6 +130,8 @@ fn without_jumps(
     let judged = |read: &Read| read.log.valid.iter().filter(|valid| **valid).count();
     match Read::of(log, commanded, wrong, &jumps, steering) {
         Ok(parts) if 2 * judged(&parts) >= judged(&read) => Ok(parts),
+        // Of a motion without places nothing is to be left out.
+        _ if !matches!(first.beyond, Beyond::Way(_)) => Ok(read),
         _ => {
             let mut log = log.clone();
             log.retain(|name, _| !matches!(*name, "x" | "y"));
@@ -138,9 +140,9 @@ fn without_jumps(
                 read.file.left_out.insert(name, (0..log["vx"].len()).collect());
             }
             let words = format!(
-                "x and y jump {} times, first by {:.1} m in row {}, and agree with vx for too short a time between: they are left out",
+                "x and y jump {} times, first by {} in row {}, and agree with vx for too short a time between: they are left out",
                 jumps.len(),
-                first.way,
+                first.beyond.size(),
                 first.row + 1
             );
             read.log.find(FindingSeverity::Warning, "x", words);
@@ -334,13 +336,12 @@ fn read_drives(
     if let Some(jump) = jumps.first() {
         let more =
             if jumps.len() > 1 { format!(", and {} times more", jumps.len() - 1) } else { String::new() };
+        let (column, what) = jump.beyond.words();
         let words = format!(
-            "the vehicle is {:.1} m farther on in row {} than vx takes it from the row before{more}: rows are missing, or another \
-             drive begins; {used}",
-            jump.way,
+            "{what} in row {}{more}: rows are missing, or another drive begins; {used}",
             jump.row + 1
         );
-        findings.push(Finding::new(FindingSeverity::Warning, Some("x"), words));
+        findings.push(Finding::new(FindingSeverity::Warning, Some(column), words));
     }
     Ok(drives)
 }
