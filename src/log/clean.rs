@@ -97,6 +97,7 @@ pub(super) fn check(
     let errors = agreement::check_errors(&log, steering);
     without_seams(&mut log, &seams);
     signs?;
+    agreement::check_order(&log)?;
     let late = late::mend(&mut log);
     let errors = errors.err();
     if let Some(error) = &errors {
