@@ -21,6 +21,7 @@ use super::jumps::{self, Beyond, Jump};
 use super::late::{self, Lateness};
 use super::mixed;
 use super::outliers;
+use super::point;
 use super::read::DriveLog;
 use super::resample::{Interpolation, SHORT, between};
 use super::reversing;
@@ -38,7 +39,16 @@ impl CleanLog {
     /// # Errors
     /// Missing columns, and faults beyond repair.
     pub fn of(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<Self, UnusableLog> {
-        clean(log, steering).map_err(|cause| UnusableLog::of(log, cause))
+        clean(log, steering, None).map_err(|cause| UnusableLog::of(log, cause))
+    }
+
+    /// The same of a known vehicle, whose centre of gravity lies `rear` m before its rear axle: velocities and places of another
+    /// point of the body are brought there.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub fn of_vehicle(log: &DriveLog, steering: &dyn Fn(f64) -> f64, rear: f64) -> Result<Self, UnusableLog> {
+        clean(log, steering, Some(rear)).map_err(|cause| UnusableLog::of(log, cause))
     }
 }
 
@@ -53,9 +63,9 @@ pub(super) struct Checked {
     pub errors: Option<CleanError>,
 }
 
-fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<CleanLog, CleanError> {
+fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64, rear: Option<f64>) -> Result<CleanLog, CleanError> {
     let columns = log.columns().map(|(name, values)| (name, values.to_vec())).collect();
-    let mut clean = check(&columns, true, steering)
+    let mut clean = check(&columns, true, steering, rear)
         .map_err(|error| match error {
             CleanError::Missing { column, .. } => CleanError::Missing { column, near: log.like(column) },
             error => error,
@@ -65,7 +75,7 @@ fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<CleanLog, Clea
     Ok(clean)
 }
 
-/// The one check of a log, for every use. `turning`: the yaw rate is needed.
+/// The one check of a log, for every use. `turning`: the yaw rate is needed. `rear`: see [`CleanLog::of_vehicle`].
 ///
 /// # Errors
 /// Missing columns, and faults beyond repair.
@@ -73,6 +83,7 @@ pub(super) fn check(
     log: &LogColumns,
     turning: bool,
     steering: &dyn Fn(f64) -> f64,
+    rear: Option<f64>,
 ) -> Result<Checked, CleanError> {
     for column in ["time", "vx", "yaw_rate"] {
         if !log.contains_key(column) && (turning || column != "yaw_rate") {
@@ -98,7 +109,13 @@ pub(super) fn check(
     without_seams(&mut log, &seams);
     signs?;
     agreement::check_order(&log)?;
-    let late = late::mend(&mut log);
+    let mut late = late::mend(&mut log);
+    if let Some(rear) = rear {
+        point::mend(&mut log, rear);
+    }
+    for (name, seconds) in late::mend_felt(&mut log, &late) {
+        *late.entry(name).or_insert(0.0) += seconds;
+    }
     let errors = errors.err();
     if let Some(error) = &errors {
         log.find(
