@@ -2,7 +2,8 @@
 //! else drives.
 
 use crate::diagnose::{Columns, cleaned, columns, said};
-use rfl_mpc::log::FindingSeverity;
+use rfl_mpc::log::{CleanError, DriveLog, FindingSeverity, SteeringLog};
+use std::path::Path;
 
 fn scale(columns: &mut Columns, name: &str, factor: f64) {
     columns.get_mut(name).unwrap().iter_mut().for_each(|value| *value *= factor);
@@ -149,4 +150,45 @@ fn a_command_that_rests_all_along_gives_way_to_the_measured_angle() {
             "{value}"
         );
     }
+}
+
+#[test]
+fn an_angle_before_its_command_is_refused() {
+    let early = |rows: usize| {
+        let mut log = columns(7, &[]);
+        let command = log["steer_cmd"].clone();
+        let late = log.get_mut("steer_cmd").unwrap();
+        (0..late.len()).for_each(|row| late[row] = command[row.saturating_sub(rows)]);
+        log
+    };
+    let mut swapped = columns(8, &[("steer_delay", 0.1)]);
+    let (command, angle) = (swapped["steer_cmd"].clone(), swapped["steer"].clone());
+    swapped.insert("steer_cmd", angle);
+    swapped.insert("steer", command);
+    for log in [early(10), early(25), swapped] {
+        // An identification says the same.
+        let named = log.iter().map(|(name, values)| ((*name).to_owned(), values.clone())).collect();
+        let file = DriveLog::from_columns(Path::new("log.csv"), named).unwrap();
+        let of_steering = SteeringLog::by_angle(&file, &|_| 2.7).unwrap_err();
+        assert!(matches!(of_steering.cause, CleanError::Early { .. }), "{of_steering}");
+        let error = cleaned(log).unwrap_err();
+        assert!(matches!(error.cause, CleanError::Early { .. }), "{error}");
+        assert!(error.to_string().contains("s before steer_cmd"), "{error}");
+    }
+    // A quick actuator is none, nor is one without any lateness.
+    let mut log = columns(9, &[("steer_delay", 0.0), ("steer_lag", 0.0)]);
+    assert!(cleaned(log.clone()).is_ok());
+    let noisy =
+        log["steer_cmd"].iter().enumerate().map(|(row, angle)| angle + 3e-4 * (7.3 * row as f64).sin());
+    let noisy = noisy.collect();
+    log.insert("steer", noisy);
+    assert!(cleaned(log).is_ok());
+    // A steering that swings in one rhythm is as late as it is early.
+    let mut log = columns(9, &[]);
+    for (name, late) in [("steer_cmd", 0.0), ("steer", 0.1)] {
+        let swing = |time: &f64| 0.05 * (std::f64::consts::TAU * (time - late)).sin();
+        let values = log["time"].iter().map(swing).collect();
+        log.insert(name, values);
+    }
+    assert!(!cleaned(log).is_err_and(|error| matches!(error.cause, CleanError::Early { .. })));
 }

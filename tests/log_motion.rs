@@ -166,3 +166,113 @@ fn a_spin_is_not_judged() {
         }
     }
 }
+
+/// Takes `vy`, or the place, of a point so many m before the centre of gravity.
+fn taken_at(columns: &mut Columns, of: &str, lever: f64) {
+    let (yaw, rate) = (columns["yaw"].clone(), columns["yaw_rate"].clone());
+    let moves: Vec<(&str, Vec<f64>)> = match of {
+        "vy" => vec![("vy", rate)],
+        _ => vec![
+            ("x", yaw.iter().map(|yaw| yaw.cos()).collect()),
+            ("y", yaw.iter().map(|yaw| yaw.sin()).collect()),
+        ],
+    };
+    for (name, by) in moves {
+        columns.get_mut(name).unwrap().iter_mut().zip(by).for_each(|(value, by)| *value += lever * by);
+    }
+}
+
+#[test]
+fn velocity_and_place_of_another_point_are_brought_to_the_centre_of_gravity() {
+    for (seed, of, lever, dropped) in [
+        (7, &["vy"][..], -1.53, &[][..]),
+        (8, &["vy"], 1.2, &["x", "y"]),
+        (9, &["vy"], 1.2, &["ay"]),
+        (7, &["x"], -1.53, &["vy"]),
+        (9, &["vy", "x"], 1.4, &[]),
+    ] {
+        let sound = columns(seed, &[]);
+        let mut moved = sound.clone();
+        of.iter().for_each(|of| taken_at(&mut moved, of, lever));
+        moved.retain(|name, _| !dropped.contains(name));
+        let log = cleaned(moved).unwrap();
+        for of in of {
+            let words = said(&log.findings, of, FindingSeverity::Warning);
+            assert!(
+                words.contains(if lever > 0.0 { "m before the" } else { "m behind the" }),
+                "{seed}: {words}"
+            );
+            let told: f64 = words.split_whitespace().find_map(|word| word.parse().ok()).unwrap();
+            assert!((told - lever.abs()).abs() < 0.2 * lever.abs(), "{seed}: {words}");
+            let off = log.columns[*of].iter().zip(&sound[*of]).map(|(a, b)| (a - b).abs());
+            assert!(off.fold(0.0, f64::max) < 0.2 * lever.abs(), "{seed}: {of} is still elsewhere");
+        }
+        assert!(log.suspect().is_none());
+    }
+}
+
+#[test]
+fn no_vehicle_moves_the_point_of_a_sound_velocity() {
+    for (seed, put_in) in [
+        (7, &[][..]),
+        (8, &[("tyre_stiffness_rear", 0.7)]),
+        (9, &[("tyre_stiffness_rear", 1.4)]),
+        (7, &[("road_friction", 0.6)]),
+        (8, &[("cg_shift", 0.2)]),
+        (9, &[("imu_lever_arm", -1.2)]),
+        (7, &[("imu_lever_arm", 1.2)]),
+        (8, &[("heading_misalignment", 0.03)]),
+        (9, &[("sensor_delay", 0.1)]),
+    ] {
+        for dropped in [&[][..], &["ay"], &["vy"]] {
+            let mut log = columns(seed, put_in);
+            log.retain(|name, _| !dropped.contains(name));
+            let log = cleaned(log).unwrap();
+            let said: Vec<&str> = log.findings.iter().map(|finding| finding.summary.as_str()).collect();
+            let moved =
+                |said: &&str| said.contains("centre of gravity") || said.contains("later than vx, vy");
+            assert!(!said.iter().any(moved), "{put_in:?} without {dropped:?}: {said:?}");
+        }
+    }
+}
+
+#[test]
+fn a_lever_or_a_low_pass_is_no_unit_of_vy() {
+    let mut log = columns(7, &[]);
+    taken_at(&mut log, "vy", 1.2);
+    log.retain(|name, _| !["x", "y"].contains(name));
+    let words = said(&cleaned(log).unwrap().findings, "vy", FindingSeverity::Warning);
+    assert!(words.contains("m before the") && !words.contains("taken as"), "{words}");
+    let mut log = columns(7, &[]);
+    let (mut states, ay) = ([0.0; 2], log["ay"].clone());
+    for (row, ay) in ay.into_iter().enumerate() {
+        states[0] += 0.2 * (ay - states[0]);
+        states[1] += 0.2 * (states[0] - states[1]);
+        log.get_mut("ay").unwrap()[row] = states[1];
+    }
+    log.retain(|name, _| !["x", "y"].contains(name));
+    assert_eq!(said(&cleaned(log).unwrap().findings, "vy", FindingSeverity::Warning), "");
+}
+
+#[test]
+fn an_accelerometer_that_was_computed_is_left_out() {
+    let mut log = columns(7, &[]);
+    let ay =
+        log["vx"].iter().zip(&log["yaw_rate"]).map(|(vx, rate)| (1e6 * vx * rate).round() / 1e6).collect();
+    log.insert("ay", ay);
+    let log = cleaned(log).unwrap();
+    assert!(said(&log.findings, "ay", FindingSeverity::Warning).contains("computed and not measured"));
+    assert!(!log.columns.contains_key("ay") && log.suspect().is_none());
+}
+
+#[test]
+fn an_accelerometer_that_is_turned_by_a_quarter_is_refused() {
+    let sound = columns(7, &[]);
+    for (along, across) in [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0)] {
+        let mut log = sound.clone();
+        log.insert("ax", sound["ay"].iter().map(|ay| along * ay).collect());
+        log.insert("ay", sound["ax"].iter().map(|ax| across * ax).collect());
+        let error = cleaned(log).unwrap_err().to_string();
+        assert!(error.contains("turned by a quarter"), "{error}");
+    }
+}

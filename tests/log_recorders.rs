@@ -125,6 +125,28 @@ fn lost_rows_and_drives_in_one_file_part_the_log() {
         assert!(words.contains("in row 901") && words.contains("2 drives, of which 2"), "{words}");
         assert_eq!(jumps(&log), 1);
     }
+    // Without a place the heading tells it, or else speed and yaw rate at once.
+    for (dropped, column) in [(&["x", "y"][..], "yaw"), (&["x", "y", "yaw"], "vx")] {
+        let mut columns = drive();
+        columns.retain(|name, _| !dropped.contains(name));
+        let (time, mut second) = (columns["time"].clone(), columns.clone());
+        // The same again, from a row on in which speed and yaw rate are others than in the last one.
+        let apart = |name: &str, row: usize| (columns[name][row] - columns[name][rows - 1]).abs();
+        let other = |row: &usize| apart("vx", *row) > 2.0 && apart("yaw_rate", *row) > 0.15;
+        let from = (100..rows - 600).find(other).unwrap();
+        second.values_mut().for_each(|values| {
+            values.drain(..from);
+        });
+        for (name, values) in &mut columns {
+            values.extend_from_slice(&second[name]);
+        }
+        let stamps = (0..columns["vx"].len()).map(|row| time[0] + 0.02 * row as f64).collect();
+        columns.insert("time", stamps);
+        let log = cleaned(columns).unwrap();
+        let words = said(&log.findings, column, FindingSeverity::Warning);
+        assert!(words.contains(&format!("in row {}", rows + 1)) && words.contains("2 drives"), "{words}");
+        assert_eq!(jumps(&log), 1);
+    }
     // Another drive begins elsewhere.
     let mut columns = drive();
     columns.get_mut("y").unwrap()[1000..].iter_mut().for_each(|y| *y -= 70.0);

@@ -18,10 +18,11 @@ use super::finding::{Finding, FindingSeverity};
 use super::frozen;
 use super::held;
 use super::join::JUMP;
-use super::jumps::{self, Jump};
+use super::jumps::{self, Beyond, Jump};
 use super::late::{self, Lateness};
 use super::mixed;
 use super::outliers;
+use super::point;
 use super::read::DriveLog;
 use super::resample::{Interpolation, SHORT, between};
 use super::reversing;
@@ -39,7 +40,16 @@ impl CleanLog {
     /// # Errors
     /// Missing columns, and faults beyond repair.
     pub fn of(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<Self, UnusableLog> {
-        clean(log, steering).map_err(|cause| UnusableLog::of(log, cause))
+        clean(log, steering, None).map_err(|cause| UnusableLog::of(log, cause))
+    }
+
+    /// The same of a known vehicle, whose centre of gravity lies `rear` m before its rear axle: velocities and places of another
+    /// point of the body are brought there.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub fn of_vehicle(log: &DriveLog, steering: &dyn Fn(f64) -> f64, rear: f64) -> Result<Self, UnusableLog> {
+        clean(log, steering, Some(rear)).map_err(|cause| UnusableLog::of(log, cause))
     }
 }
 
@@ -54,9 +64,9 @@ pub(super) struct Checked {
     pub errors: Option<CleanError>,
 }
 
-fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<CleanLog, CleanError> {
+fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64, rear: Option<f64>) -> Result<CleanLog, CleanError> {
     let columns = log.columns().map(|(name, values)| (name, values.to_vec())).collect();
-    let mut clean = check(&columns, true, steering)
+    let mut clean = check(&columns, true, steering, rear)
         .map_err(|error| match error {
             CleanError::Missing { column, .. } => CleanError::Missing { column, near: log.like(column) },
             error => error,
@@ -66,7 +76,7 @@ fn clean(log: &DriveLog, steering: &dyn Fn(f64) -> f64) -> Result<CleanLog, Clea
     Ok(clean)
 }
 
-/// The one check of a log, for every use. `turning`: the yaw rate is needed.
+/// The one check of a log, for every use. `turning`: the yaw rate is needed. `rear`: see [`CleanLog::of_vehicle`].
 ///
 /// # Errors
 /// Missing columns, and faults beyond repair.
@@ -74,6 +84,7 @@ pub(super) fn check(
     log: &LogColumns,
     turning: bool,
     steering: &dyn Fn(f64) -> f64,
+    rear: Option<f64>,
 ) -> Result<Checked, CleanError> {
     for column in ["time", "vx", "yaw_rate"] {
         if !log.contains_key(column) && (turning || column != "yaw_rate") {
@@ -98,7 +109,14 @@ pub(super) fn check(
     let errors = agreement::check_errors(&log, steering);
     without_seams(&mut log, &seams);
     signs?;
-    let late = late::mend(&mut log);
+    agreement::check_order(&log)?;
+    let mut late = late::mend(&mut log);
+    if let Some(rear) = rear {
+        point::mend(&mut log, rear);
+    }
+    for (name, seconds) in late::mend_felt(&mut log, &late) {
+        *late.entry(name).or_insert(0.0) += seconds;
+    }
     let errors = errors.err();
     if let Some(error) = &errors {
         log.find(
@@ -131,6 +149,8 @@ fn without_jumps(
     let judged = |read: &Read| read.log.valid.iter().filter(|valid| **valid).count();
     match Read::of(log, commanded, wrong, &jumps, steering) {
         Ok(parts) if 2 * judged(&parts) >= judged(&read) => Ok(parts),
+        // Of a motion without places nothing is to be left out.
+        _ if !matches!(first.beyond, Beyond::Way(_)) => Ok(read),
         _ => {
             let mut log = log.clone();
             log.retain(|name, _| !matches!(*name, "x" | "y"));
@@ -139,9 +159,9 @@ fn without_jumps(
                 read.file.left_out.insert(name, (0..log["vx"].len()).collect());
             }
             let words = format!(
-                "x and y jump {} times, first by {:.1} m in row {}, and agree with vx for too short a time between: they are left out",
+                "x and y jump {} times, first by {} in row {}, and agree with vx for too short a time between: they are left out",
                 jumps.len(),
-                first.way,
+                first.beyond.size(),
                 first.row + 1
             );
             read.log.find(FindingSeverity::Warning, "x", words);
@@ -337,13 +357,12 @@ fn read_drives(
     if let Some(jump) = jumps.first() {
         let more =
             if jumps.len() > 1 { format!(", and {} times more", jumps.len() - 1) } else { String::new() };
+        let (column, what) = jump.beyond.words();
         let words = format!(
-            "the vehicle is {:.1} m farther on in row {} than vx takes it from the row before{more}: rows are missing, or another \
-             drive begins; {used}",
-            jump.way,
+            "{what} in row {}{more}: rows are missing, or another drive begins; {used}",
             jump.row + 1
         );
-        findings.push(Finding::new(FindingSeverity::Warning, Some("x"), words));
+        findings.push(Finding::new(FindingSeverity::Warning, Some(column), words));
     }
     Ok(drives)
 }

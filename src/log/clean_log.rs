@@ -195,6 +195,11 @@ pub enum CleanError {
     #[error("{words}")]
     Frame { words: &'static str },
     #[error(
+        "steer answers {seconds:.2} s before steer_cmd, as no actuator does: the two columns are swapped, another clock wrote one of \
+         them, or steer_cmd was recorded more seldom than it was given; correct that, or delete steer_cmd"
+    )]
+    Early { seconds: f64 },
+    #[error(
         "time runs backwards: the vehicle moves against yaw, and turns against yaw_rate; count time from the start of the drive, or \
          delete the column and give the rate of the rows (--rate HZ)"
     )]

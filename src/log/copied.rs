@@ -1,25 +1,40 @@
-//! A measured angle that was not measured: the command, written a second time.
+//! Measurements that were not measured: an angle that is the command, written a second time, and an acceleration that was computed.
 //!
 //! ```text
-//!     steer = k steer_cmd + c, to the digits of the file
+//!     steer = k steer_cmd + c, ay = k vx yaw_rate + c, to the digits of the file
 //! ```
 //!
-//! Every actuator is late by something, and every sensor has noise. A copy has neither, and tells nothing of an actuator.
+//! Every actuator is late by something, and every sensor has noise. A copy has neither, and tells nothing of an actuator. A product
+//! has no part of the sideways velocity's change, and would tell that the accelerometer is at another place.
 
+use super::differences::noise;
 use super::finding::FindingSeverity;
 use super::rows::LogRows;
+use crate::numerics::statistics::quantile;
 
 /// Remainder of a copy, as a share of the angle's spread: the digits of a file. An actuator of 5 ms leaves more of slow steering.
 const DIGITS: f64 = 1e-3;
 
-/// Leaves out a `steer` that is a copy of `steer_cmd`.
+/// Leaves out a `steer` that is a copy of `steer_cmd`, and an `ay` that was computed.
 pub(super) fn leave_out(log: &mut LogRows) {
-    if let Some(words) = copy(log) {
-        log.find(FindingSeverity::Warning, "steer", format!("{words}; left out"));
-        let all = 0..log.columns["steer"].len();
-        log.leave_out("steer", all);
-        log.columns.remove("steer");
+    for (name, words) in [("steer", copy(log)), ("ay", product(log))] {
+        let Some(words) = words else { continue };
+        log.find(FindingSeverity::Warning, name, format!("{words}; left out"));
+        let all = 0..log.columns[name].len();
+        log.leave_out(name, all);
+        log.columns.remove(name);
     }
+}
+
+/// Words on an `ay` that is the product of speed and yaw rate with their noise. Without noise a simulation may have no sideways velocity.
+fn product(log: &LogRows) -> Option<String> {
+    let (vx, rate, ay) = (log.columns.get("vx")?, log.columns.get("yaw_rate")?, log.columns.get("ay")?);
+    let turning: Vec<f64> = vx.iter().zip(rate).map(|(vx, rate)| vx * rate).collect();
+    let spread = quantile(turning.iter().map(|value| value.abs()).collect(), 0.9)?;
+    let is_noisy = noise(&turning, &log.spans)? > DIGITS * spread;
+    (is_noisy && is_copy(&turning, ay)).then(|| {
+        "ay is vx * yaw_rate, computed and not measured, and tells nothing besides them: give the accelerometer's".to_owned()
+    })
 }
 
 /// Words on a `steer` that is a copy of `steer_cmd`.

@@ -12,11 +12,19 @@
 //! ```text
 //!     |d(x, y) - int v dt| over a second  >  4 x its median        v: vx, vy by yaw
 //! ```
+//!
+//! Without a place the heading tells it, or else speed and yaw rate at once, where they stay apart from what they were:
+//!
+//! ```text
+//!     |yaw[i] - yaw[i - 1] - int yaw_rate dt|   or   |d(vx)| and |d(yaw_rate)|  >  10 x their usual size
+//! ```
 
 use super::agreement::Factors;
 use super::clock::Clock;
 use super::rows::{LogColumns, WrongRows};
 use crate::numerics::statistics::{median, quantile};
+use crate::path::wrap_angle;
+use std::ops::Range;
 
 /// Size of a jump, over the 99th percentile of the differences between way and speed.
 const UNUSUAL: f64 = 10.0;
@@ -36,10 +44,46 @@ const SOUND: usize = 2;
 pub(super) struct Jump {
     /// Row of the file that begins anew.
     pub row: usize,
-    /// Way beyond that by speed, m.
-    pub way: f64,
+    /// What jumps, and how far.
+    pub beyond: Beyond,
     /// Rows of the file beside it whose place drifts.
     pub astray: Vec<usize>,
+}
+
+/// Jump of a signal beyond what others say.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Beyond {
+    /// Of the place, over that by speed, m.
+    Way(f64),
+    /// Of the heading, over that by the yaw rate, rad.
+    Turn(f64),
+    /// Of the speed, m/s, with one of the yaw rate.
+    Speed(f64),
+}
+
+impl Beyond {
+    /// Its size, in words.
+    pub fn size(self) -> String {
+        match self {
+            Self::Way(way) => format!("{way:.1} m"),
+            Self::Turn(turn) => format!("{turn:.2} rad"),
+            Self::Speed(speed) => format!("{speed:.1} m/s"),
+        }
+    }
+
+    /// The column and its jump, in words.
+    pub fn words(self) -> (&'static str, String) {
+        let size = self.size();
+        match self {
+            Self::Way(_) => {
+                ("x", format!("the vehicle is {size} farther on than vx takes it from the row before"))
+            }
+            Self::Turn(_) => {
+                ("yaw", format!("yaw turns {size} farther than yaw_rate says from the row before"))
+            }
+            Self::Speed(_) => ("vx", format!("vx jumps by {size} and yaw_rate with it")),
+        }
+    }
 }
 
 /// Jumps in the drives of a log, by its rows.
@@ -55,8 +99,12 @@ pub(super) fn jumps(
         left_out.get(name).into_iter().flatten().for_each(|&row| values[row] = f64::NAN);
         Some(values)
     };
-    let (Some(x), Some(y), Some(vx)) = (column("x"), column("y"), column("vx")) else { return Vec::new() };
+    let Some(vx) = column("vx") else { return Vec::new() };
     let (yaw, vy) = (column("yaw"), column("vy"));
+    let (Some(x), Some(y)) = (column("x"), column("y")) else {
+        let Some(rate) = column("yaw_rate") else { return Vec::new() };
+        return drives.iter().flat_map(|drive| of_motion(drive, &vx, &rate, yaw.as_deref())).collect();
+    };
     let mut jumps = Vec::new();
     for drive in drives {
         let mut found = of_drive(drive, [&x, &y, &vx]);
@@ -156,6 +204,58 @@ fn of_drive(drive: &Clock, [x, y, vx]: [&[f64]; 3]) -> Vec<Jump> {
     steps
         .into_iter()
         .filter(|(_, way)| *way > least)
-        .map(|(row, way)| Jump { row, way, astray: Vec::new() })
+        .map(|(row, way)| Jump { row, beyond: Beyond::Way(way), astray: Vec::new() })
         .collect()
+}
+
+/// Least jumps of heading, rad, speed, m/s2, and yaw rate, rad/s2, that are none of a vehicle.
+const LEAST_TURN: f64 = 0.1;
+const LEAST_BRAKING: f64 = 20.0;
+const LEAST_SWERVE: f64 = 5.0;
+/// Rows on either side whose middle values stay apart.
+const BESIDE: usize = 5;
+
+/// Jumps of a drive without a place.
+fn of_motion(drive: &Clock, vx: &[f64], rate: &[f64], yaw: Option<&[f64]>) -> Vec<Jump> {
+    // Heading beyond that by the yaw rate, up to each row.
+    let (mut beyond, mut total) = (vec![f64::NAN; drive.rows.len()], 0.0);
+    let mut before: Option<usize> = None;
+    let rates: Vec<f64> = drive.rows.iter().map(|&row| rate[row]).collect();
+    for (i, &row) in drive.rows.iter().enumerate() {
+        let Some(yaw) = yaw.filter(|yaw| yaw[row].is_finite() && rates[i].is_finite()) else { continue };
+        if let Some(last) = before.filter(|last| drive.time[i] - drive.time[*last] < CLOSE) {
+            let turned = 0.5 * (rates[last] + rates[i]) * (drive.time[i] - drive.time[last]);
+            total += wrap_angle(yaw[row] - yaw[drive.rows[last]] - turned);
+        }
+        beyond[i] = total;
+        before = Some(i);
+    }
+    let speeds: Vec<f64> = drive.rows.iter().map(|&row| vx[row]).collect();
+    let by_turn: Vec<(usize, f64)> = steps(&beyond, &drive.time, |_| LEAST_TURN);
+    let by_speed = steps(&speeds, &drive.time, |apart| LEAST_BRAKING * apart);
+    let by_rate = steps(&rates, &drive.time, |apart| LEAST_SWERVE * apart);
+    let with_rate = by_speed.into_iter().filter(|(i, _)| by_rate.iter().any(|(other, _)| other == i));
+    let turns = by_turn.iter().map(|&(i, size)| (i, Beyond::Turn(size)));
+    let speeds = with_rate.map(|(i, size)| (i, Beyond::Speed(size)));
+    let mut found: Vec<(usize, Beyond)> = turns.chain(speeds).collect();
+    found.sort_by_key(|(i, _)| *i);
+    found.dedup_by_key(|(i, _)| *i);
+    let jump = |(i, beyond): (usize, Beyond)| Jump { row: drive.rows[i], beyond, astray: Vec::new() };
+    found.into_iter().map(jump).collect()
+}
+
+/// Steps of a signal from row to row, beyond the usual and a least one, after which it stays apart.
+fn steps(values: &[f64], time: &[f64], least: impl Fn(f64) -> f64) -> Vec<(usize, f64)> {
+    let change = |i: usize| values[i] - values[i - 1];
+    let sizes = (1..values.len()).map(|i| change(i).abs()).filter(|size| size.is_finite()).collect();
+    let Some(usual) = quantile(sizes, 0.99) else { return Vec::new() };
+    let most = |i: usize| (UNUSUAL * usual).max(least(time[i] - time[i - 1]));
+    let middle = |rows: Range<usize>| median(values[rows].to_vec());
+    let stays = |i: &usize| {
+        let (before, after) =
+            (middle(i.saturating_sub(BESIDE)..*i), middle(*i..(i + BESIDE).min(values.len())));
+        before.zip(after).is_some_and(|(before, after)| (after - before).abs() > 0.5 * change(*i).abs())
+    };
+    let is_step = |i: &usize| change(*i).abs() > most(*i) && stays(i);
+    (1..values.len()).filter(is_step).map(|i| (i, change(i).abs())).collect()
 }

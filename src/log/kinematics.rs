@@ -12,6 +12,8 @@
 //! of the speed, a yaw angle that is off, another point of the body, a grade.
 
 use super::clean_log::CleanLog;
+use super::join::JUMP;
+use crate::numerics::statistics::independent;
 use crate::path::wrap_angle;
 use nalgebra::{DMatrix, DVector};
 
@@ -110,9 +112,11 @@ pub(super) fn yaw_offset(log: &CleanLog) -> Option<(f64, f64)> {
 
 /// Least way from the rear axle to the point whose course stands for yaw, m, and in standard errors.
 const LEVER: f64 = 0.3;
-const SURE_LEVER: f64 = 5.0;
+pub(super) const SURE_LEVER: f64 = 5.0;
 /// Least amount by which a sideslip leaves less than a lateness, in variances.
 const BETTER: f64 = 25.0;
+/// Least amount by which a lateness leaves less than another place, in variances.
+const APART: f64 = 16.0;
 
 /// Way from the rear axle forward to the point whose course, with its sideslip, stands for yaw, m; `None` if yaw is a heading.
 ///
@@ -133,6 +137,95 @@ pub(super) fn course_as_yaw(log: &CleanLog) -> Option<f64> {
     let (lever, softness) = (course.solution[0], *course.solution.get(1)?);
     let is_sure = lever > LEVER && lever > SURE_LEVER * course.error && softness > 0.0;
     (is_sure && heading.left - course.left > BETTER * course.variance()).then_some(lever)
+}
+
+/// Lateral acceleration up to which an axle's slip is linear in its force, m/s2.
+const LINEAR: f64 = 4.0;
+
+/// Way from the rear axle forward to the point whose velocity is `vy`, m, and its standard error. The slip of the rear axle goes with
+/// its force, so with the accelerations; a point before it is moved by the yaw rate alone:
+///
+/// ```text
+///     vy = b yaw_rate - K vx ay + J vx d(yaw_rate)/dt + a vx + c        a: a turned sensor; c: wind
+/// ```
+pub(super) fn vy_point(log: &CleanLog) -> Option<(f64, f64)> {
+    let (vx, vy, rate) = (log.columns.get("vx")?, log.columns.get("vy")?, log.columns.get("yaw_rate")?);
+    let (spans, felt) = (Spans::of(log), felt(log)?);
+    let (faster, speed) = (spans.changes(|i| rate[i]), spans.means(|i| vx[i]));
+    let parts = [
+        spans.integrals(|i| rate[i]),
+        spans.integrals(|i| -vx[i] * felt[i]),
+        (0..spans.count()).map(|k| speed[k] * faster[k]).collect(),
+        spans.integrals(|i| vx[i]),
+        vec![1.0; spans.count()],
+    ];
+    let rows: Vec<[f64; 5]> = (0..spans.count()).map(|k| parts.each_ref().map(|part| part[k])).collect();
+    first_coefficient_of_neighbours(&mild(&spans, &felt, spans.integrals(|i| vy[i])), &rows)
+}
+
+/// The same of the point whose place is `x`, `y`: its velocity across the heading moves it.
+pub(super) fn place_point(log: &CleanLog) -> Option<(f64, f64)> {
+    let [x, y, yaw, vx, rate] = ["x", "y", "yaw", "vx", "yaw_rate"].map(|name| log.columns.get(name));
+    let (x, y, yaw, vx, rate) = (x?, y?, yaw?, vx?, rate?);
+    let (spans, felt) = (Spans::of(log), felt(log)?);
+    let faster = spans.changes(|i| rate[i]);
+    let (mut targets, mut rows) = (Vec::new(), Vec::new());
+    for (place, is_x) in [(x, true), (y, false)] {
+        let across = |i: usize| if is_x { -yaw[i].sin() } else { yaw[i].cos() };
+        let along = |i: usize| if is_x { yaw[i].cos() } else { yaw[i].sin() };
+        let speed = spans.means(|i| vx[i] * across(i));
+        let parts = [
+            spans.integrals(|i| rate[i] * across(i)),
+            spans.integrals(|i| -vx[i] * felt[i] * across(i)),
+            (0..spans.count()).map(|k| speed[k] * faster[k]).collect(),
+            spans.integrals(|i| vx[i] * across(i)),
+            spans.integrals(across),
+            spans.integrals(|i| vx[i] * along(i)),
+        ];
+        targets.extend(mild(&spans, &felt, spans.changes(|i| place[i])));
+        rows.extend((0..spans.count()).map(|k| parts.each_ref().map(|part| part[k])));
+    }
+    first_coefficient_of_neighbours(&targets, &rows)
+}
+
+/// Lateral acceleration of a log: the measured one, or that of its turns.
+fn felt(log: &CleanLog) -> Option<Vec<f64>> {
+    let (vx, rate) = (log.columns.get("vx")?, log.columns.get("yaw_rate")?);
+    let turning = || vx.iter().zip(rate).map(|(vx, rate)| vx * rate).collect();
+    Some(log.columns.get("ay").cloned().unwrap_or_else(turning))
+}
+
+/// Numbers of the spans with a mild lateral acceleration; NaN elsewhere.
+fn mild(spans: &Spans<'_>, felt: &[f64], values: Vec<f64>) -> Vec<f64> {
+    let sizes = spans.means(|i| felt[i].abs());
+    let each = values.into_iter().zip(sizes);
+    each.map(|(value, size)| if size < LINEAR { value } else { f64::NAN }).collect()
+}
+
+/// Time by which `ay` comes later than yaw rate and `vy` tell, s, and its standard error; `None` where another place of the
+/// accelerometer, `l` before that of `vy`, explains it about as well: at one speed the two are alike. `likely`: where it explains it
+/// no better.
+///
+/// ```text
+///     int ay dt = g (int vx yaw_rate dt + d(vy)) - tau d(ay) + c dt             late; g: roll's part of gravity
+///     int ay dt = g (int vx yaw_rate dt + d(vy)) + l d(yaw_rate) + c dt         in another place
+/// ```
+pub(super) fn ay_late(log: &CleanLog, likely: bool) -> Option<(f64, f64)> {
+    let [vx, vy, rate, ay] = ["vx", "vy", "yaw_rate", "ay"].map(|name| log.columns.get(name));
+    let (vx, vy, rate, ay) = (vx?, vy?, rate?, ay?);
+    let spans = Spans::of(log);
+    let (turning, sliding) = (spans.integrals(|i| vx[i] * rate[i]), spans.changes(|i| vy[i]));
+    let felt = spans.integrals(|i| ay[i]);
+    let by = |part: Vec<f64>| {
+        let rows: Vec<[f64; 3]> =
+            (0..spans.count()).map(|k| [part[k], turning[k] + sliding[k], 1.0]).collect();
+        LeastSquares::of(&felt, &rows)
+    };
+    let late = by(spans.changes(|i| -ay[i]))?;
+    let elsewhere = by(spans.changes(|i| rate[i]))?;
+    let apart = if likely { 0.0 } else { APART };
+    let told_apart = elsewhere.left - late.left > apart * late.variance();
+    told_apart.then(|| (late.solution[0], late.error))
 }
 
 /// Time by which the yaw rate comes later than the yaw angle tells, s, and its standard error.
@@ -257,7 +350,11 @@ impl<'a> Spans<'a> {
             if counts { rows.map(&of).sum::<f64>() / self.size as f64 } else { f64::NAN }
         };
         let means: Vec<f64> = (0..=self.count()).map(mean).collect();
-        means.windows(2).map(|pair| pair[1] - pair[0]).collect()
+        // Two drives have no change between them.
+        let time = |row: usize| self.log.time[row];
+        let is_one = |k: usize| time((k + 2) * self.size - 1) - time(k * self.size) < 0.9 * JUMP;
+        let change = |(k, pair): (usize, &[f64])| if is_one(k) { pair[1] - pair[0] } else { f64::NAN };
+        means.windows(2).enumerate().map(change).collect()
     }
 
     /// A quantity's mean over both stretches of each span.
@@ -296,6 +393,13 @@ fn first_coefficient_within<const N: usize>(targets: &[f64], rows: &[[f64; N]]) 
     LeastSquares::of(targets, rows).map(|fit| (fit.solution[0], fit.error))
 }
 
+/// The same of spans whose remainders are alike from one to the next, as those of a law that is not quite the vehicle's.
+fn first_coefficient_of_neighbours<const N: usize>(targets: &[f64], rows: &[[f64; N]]) -> Option<(f64, f64)> {
+    let fit = LeastSquares::of(targets, rows)?;
+    let count = (fit.freedom + N) as f64;
+    Some((fit.solution[0], fit.error * (count / fit.independent.max(1.0)).sqrt()))
+}
+
 /// A least-squares fit.
 struct LeastSquares {
     /// Coefficients of the columns that are not nothing.
@@ -305,6 +409,8 @@ struct LeastSquares {
     /// Sum of the squares that it leaves, and their number less that of the coefficients.
     left: f64,
     freedom: usize,
+    /// Number of the remainders that are independent.
+    independent: f64,
 }
 
 impl LeastSquares {
@@ -324,8 +430,9 @@ impl LeastSquares {
         let target = DVector::from_iterator(kept.len(), kept.iter().map(|(target, _)| **target));
         let inverse = (matrix.transpose() * &matrix).try_inverse()?;
         let solution = &inverse * matrix.transpose() * &target;
-        let left = (&target - matrix * &solution).norm_squared();
-        let fit = Self { solution, error: 0.0, left, freedom: kept.len() - N };
+        let remainders = &target - matrix * &solution;
+        let (left, independent) = (remainders.norm_squared(), independent(remainders.as_slice()));
+        let fit = Self { solution, error: 0.0, left, freedom: kept.len() - N, independent };
         Some(Self { error: (fit.variance() * inverse[(0, 0)]).sqrt(), ..fit })
     }
 

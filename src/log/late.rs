@@ -7,6 +7,7 @@
 //!     d(yaw)  = g int yaw_rate dt + tau d(yaw_rate) + c dt
 //!     int ax dt = k d(vx) + tau d(ax) + c dt
 //!     d(x, y) = f int v dt - tau d(v) + l d(t) + m d(n) + a int v' dt     v: in world axes, v' across it; t, n: along, across the heading
+//!     int ay dt = g (int vx yaw_rate dt + d(vy)) - tau d(ay) + c dt
 //! ```
 //!
 //! over spans of the log, with a scale, an offset, and a lever arm of their own. A vehicle whose sensors are late as a whole
@@ -22,6 +23,8 @@ use std::collections::BTreeMap;
 
 /// Least lateness that is mended, s: twice that of an inertial sensor's low pass.
 const LEAST: f64 = 0.02;
+/// Least lateness of a lateral accelerometer alone, s: a body that leans late brings gravity late, which is up to 0.03 s.
+const LEAST_FELT: f64 = 0.05;
 /// ... in standard errors.
 const SURE: f64 = 4.0;
 /// Longest lateness that is mended, s: more is none of a sensor, and the relations are linear in a little of it only.
@@ -53,6 +56,16 @@ pub(super) fn mend(log: &mut CleanLog) -> Lateness {
     let place = |late: f64| -> &'static [&'static str] { if late > 0.0 { &["x", "y"] } else { &[] } };
     taken.extend(mend_one(log, kinematics::place_late, place, ["vx and yaw say", ""]));
     taken
+}
+
+/// Takes an `ay` that is later than yaw rate and `vy` earlier; gives how much. To be called when `vy` is that of the centre of
+/// gravity: another place of its sensor is alike. Behind a yaw rate that was late alone it is likely: one unit measures both. `taken`:
+/// what was taken earlier before.
+pub(super) fn mend_felt(log: &mut CleanLog, taken: &Lateness) -> Lateness {
+    let likely = taken.contains_key("yaw_rate") && !taken.contains_key("ay");
+    let names: &[&str] = if likely { &["ay", "ax"] } else { &["ay"] };
+    let lateness = |log: &CleanLog| kinematics::ay_late(log, likely).filter(|(late, _)| *late > LEAST_FELT);
+    mend_one(log, lateness, |_| names, ["vx, vy and yaw_rate say", ""])
 }
 
 /// Takes the later side of one relation earlier. `columns` are those of a lateness, negative where the other side is late;
@@ -120,5 +133,43 @@ fn earlier(log: &mut CleanLog, names: &[&'static str], rows: usize) {
         }
         let from = drive[1].saturating_sub(rows).max(drive[0]);
         log.valid[from..drive[1]].fill(false);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A minute of turns at changing speed: `ay` late by rows, or of an accelerometer so many m before the centre of gravity.
+    fn drive(rows: usize, lever: f64) -> CleanLog {
+        let (step, count) = (0.02, 3000);
+        let time = |row: usize| step * row as f64;
+        let speed = |t: f64| 11.0 + 5.0 * (0.21 * t).sin();
+        let rate = |t: f64| 0.2 * (0.9 * t).sin() + 0.1 * (1.7 * t).cos();
+        let across = |t: f64| (1.5 - 0.005 * speed(t).powi(2)) * rate(t);
+        let change = |of: &dyn Fn(f64) -> f64, t: f64| (of(t + 1e-4) - of(t - 1e-4)) / 2e-4;
+        let felt = |t: f64| speed(t) * rate(t) + change(&across, t) + lever * change(&rate, t);
+        let noise = |row: usize| 0.02 * (7.3 * (row * row) as f64).sin();
+        let column = |of: &dyn Fn(usize) -> f64| (0..count).map(of).collect::<Vec<f64>>();
+        let columns = [
+            ("vx", column(&|row| speed(time(row)))),
+            ("vy", column(&|row| across(time(row)))),
+            ("yaw_rate", column(&|row| rate(time(row)))),
+            ("ay", column(&|row| 1.08 * felt(time(row) - step * rows as f64) + noise(row))),
+        ];
+        CleanLog::of_columns(step, columns.into())
+    }
+
+    #[test]
+    fn a_late_accelerometer_is_told_from_one_at_another_place() {
+        for rows in [4, 8] {
+            let mut log = drive(rows, 0.0);
+            let taken = mend_felt(&mut log, &Lateness::new());
+            assert!((taken["ay"] - 0.02 * rows as f64).abs() < 0.03, "{rows}: {taken:?}");
+        }
+        for lever in [0.0, -1.2, 1.2] {
+            let mut log = drive(0, lever);
+            assert!(mend_felt(&mut log, &Lateness::new()).is_empty(), "{lever}");
+        }
     }
 }

@@ -71,7 +71,7 @@ pub fn drives_of(
 ) -> Result<Vec<Drive>, LearnError> {
     let file = &log.file;
     let columns: LogColumns = log.columns().map(|(name, values)| (name, values.to_vec())).collect();
-    let checked = match check(&columns, false, steering) {
+    let checked = match check(&columns, false, steering, None) {
         Ok(checked) => checked,
         Err(CleanError::Missing { column, .. }) => {
             let near = log.like(column);

@@ -34,12 +34,13 @@
 //! | `mixed.rs` | rows of two recordings in turn |
 //! | `differences.rs` | noise by third differences |
 //! | `averaged.rs` | steering that a logging tool has smoothed |
-//! | `copied.rs` | an angle that is the command, written a second time |
+//! | `copied.rs` | an angle that is the command, written a second time; an acceleration that was computed |
 //! | `reversing.rs` | driving backwards with a speed without a sign |
 //! | `spinning.rs` | sliding far sideways |
 //! | `jumps.rs` | places where rows are missing, or another drive begins, without a word from the clock |
 //! | `kinematics.rs` | velocity across and acceleration along the body, told by other columns |
 //! | `late.rs` | columns that come later than others |
+//! | `point.rs` | points of the car at which velocity and place are given |
 //! | `rows.rs` | rows on their way to a clean log |
 //! | `road.rs` | place of the log on a road, and the road's properties there |
 //! | `join.rs` | several logs of one vehicle as one |
@@ -72,6 +73,7 @@ mod mixed;
 mod only;
 mod outliers;
 mod partners;
+mod point;
 mod read;
 mod resample;
 mod reversing;

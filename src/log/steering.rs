@@ -4,7 +4,7 @@
 //! start of the clock begins a new drive. The yaw rate goes through a vehicle's model and is taken from the even clock
 //! of [`CleanLog`], with all repairs that are made there.
 
-use super::agreement::near;
+use super::agreement::{near, steers_early};
 use super::averaged;
 use super::clean::leave_out_faults;
 use super::clean_log::{CleanError, CleanLog, UnusableLog};
@@ -90,6 +90,11 @@ impl SteeringLog {
                     dropouts::leave_out(&mut rows);
                     if let Some(words) = copied::copy(&rows).or_else(|| averaged::contradiction(&rows)) {
                         return Err(unusable(CleanError::Suspect { words }));
+                    }
+                    if let Some(seconds) =
+                        steers_early(rows.spacing, &rows.columns["steer_cmd"], &rows.columns["steer"])
+                    {
+                        return Err(unusable(CleanError::Early { seconds }));
                     }
                     // A fit needs no angle where none was measured.
                     held::mend(&mut rows, &["steer"]);

@@ -45,12 +45,32 @@ pub(crate) fn slope(pairs: impl Iterator<Item = (f64, f64)>) -> Option<Slope> {
     (explained >= 0.5 && xx > 0.0).then_some(Slope { factor: xy / xx, explained })
 }
 
+/// Number of independent values in a sequence whose neighbours are alike; what is no number is left out.
+pub(crate) fn independent(values: &[f64]) -> f64 {
+    let values: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count.max(1.0);
+    let square: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+    let product: f64 = values.windows(2).map(|pair| (pair[0] - mean) * (pair[1] - mean)).sum();
+    let alike = (product / square.max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    count * (1.0 - alike) / (1.0 + alike)
+}
+
 /// Median of the magnitude of a normal variable, in standard deviations.
 pub(crate) const MEDIAN_OF_NORMAL: f64 = 0.6745;
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn neighbours_that_are_alike_count_less() {
+        let noise: Vec<f64> = (0..1000).map(|i| (7.3 * f64::from(i * i)).sin()).collect();
+        assert!(independent(&noise) > 800.0, "{}", independent(&noise));
+        let each_four_times: Vec<f64> = noise.iter().flat_map(|value| [*value; 4]).collect();
+        assert!((300.0..900.0).contains(&independent(&each_four_times)), "{}", independent(&each_four_times));
+        assert_eq!(independent(&[]), 0.0);
+    }
 
     #[test]
     fn quantiles_leave_gaps_out() {

@@ -62,7 +62,7 @@ pub fn columns(seed: u64, put_in: &[(&str, f64)]) -> Columns {
 pub fn cleaned(columns: Columns) -> Result<CleanLog, UnusableLog> {
     let columns = columns.into_iter().map(|(name, values)| (name.to_owned(), values)).collect();
     let log = DriveLog::from_columns(Path::new("log.csv"), columns).unwrap();
-    CleanLog::of(&log, &|speed| 2.7 + 0.002 * speed * speed)
+    CleanLog::of_vehicle(&log, &|speed| 2.7 + 0.002 * speed * speed, car().vehicle.cg_to_rear_axle)
 }
 
 /// Words about a column, of this gravity and above.

@@ -228,7 +228,7 @@ where
     let read = |road: &Path| Road::named(road, &reading);
     let road = args.path.as_deref().map(read).transpose()?.map(Arc::new);
     let clean_one = |log: &DriveLog| {
-        let mut clean = CleanLog::of(log, &steering)?;
+        let mut clean = CleanLog::of_vehicle(log, &steering, given.rear())?;
         if let Some(road) = &road {
             lay_on(&mut clean, road);
         }

@@ -39,6 +39,8 @@ pub trait ReplayVehicle: VehicleParameters + Clone + Sync + Send {
     fn mass_and_drag(&self) -> (f64, f64);
     /// Wheelbase of what is steered, m.
     fn reach(&self) -> f64;
+    /// Way from its rear axle forward to its centre of gravity, m.
+    fn rear(&self) -> f64;
     /// Friction coefficient of the tyres, front.
     fn friction(&self) -> f64;
     /// Lateral relaxation length of the front tyres at rest, m.
@@ -137,6 +139,10 @@ impl ReplayVehicle for CarParameters {
         self.wheelbase()
     }
 
+    fn rear(&self) -> f64 {
+        self.vehicle.cg_to_rear_axle
+    }
+
     fn mass_and_drag(&self) -> (f64, f64) {
         (self.vehicle.mass, 0.5 * self.air.density * self.air.drag_area)
     }
@@ -180,6 +186,10 @@ impl ReplayVehicle for TruckParameters {
 
     fn reach(&self) -> f64 {
         self.tractor.cg_to_front_axle + self.tractor.cg_to_rear_axle
+    }
+
+    fn rear(&self) -> f64 {
+        self.tractor.cg_to_rear_axle
     }
 
     fn mass_and_drag(&self) -> (f64, f64) {

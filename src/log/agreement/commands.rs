@@ -1,5 +1,5 @@
-//! Commands beside what the vehicle does with them: an `accel_cmd` that is no acceleration, and commands that rest while the
-//! vehicle does not.
+//! Commands beside what the vehicle does with them: an `accel_cmd` that is no acceleration, a `steer_cmd` that comes after its answer,
+//! and commands that rest while the vehicle does not.
 //!
 //! ```text
 //!     ax, or the change of vx                 = k lag(accel_cmd) + c
@@ -11,12 +11,12 @@
 //! much more than asked there.
 
 use super::ratios::{BLOCK, MILD, blocks};
-use crate::log::clean_log::{CleanLog, is_long_enough};
+use crate::log::clean_log::{CleanError, CleanLog, is_long_enough};
 use crate::log::even::SETTLING;
 use crate::log::finding::FindingSeverity;
 use crate::log::kinematics;
 use crate::log::rows::repeats;
-use crate::numerics::statistics::{Slope, slope};
+use crate::numerics::statistics::{Slope, independent, slope};
 use std::ops::Range;
 
 /// Time constants of an actuator that are tried, s.
@@ -41,6 +41,57 @@ const SPREAD: f64 = 0.2;
 const MOST: f64 = 0.2;
 /// Share of a drive at rest beyond which a `steer_cmd` is not what was asked.
 const HALF: f64 = 0.5;
+
+/// Rows by which an angle may come before its command: stamps and an even clock move a held command by one. And the longest time
+/// that is looked for, s.
+const ROUNDED: usize = 1;
+const EARLIEST: f64 = 1.0;
+/// Times that are tried to either side.
+const TIMES: usize = 100;
+/// Share of an angle's spread that its command leaves at the right time: of one that is its answer.
+const ANSWERS: f64 = 0.05;
+/// Least amount by which another time leaves less, in variances of remainders that are independent.
+const CLEARLY: f64 = 16.0;
+
+/// A measured angle comes after its command.
+///
+/// # Errors
+/// It comes before.
+pub(in crate::log) fn check_order(log: &CleanLog) -> Result<(), CleanError> {
+    let (Some(command), Some(angle), true) =
+        (log.columns.get("steer_cmd"), log.columns.get("steer"), log.commanded)
+    else {
+        return Ok(());
+    };
+    let judged = |values: &[f64]| -> Vec<f64> {
+        let each = values.iter().zip(&log.valid);
+        each.map(|(value, valid)| if *valid { *value } else { f64::NAN }).collect()
+    };
+    match steers_early(log.step, &judged(command), &judged(angle)) {
+        Some(seconds) => Err(CleanError::Early { seconds }),
+        None => Ok(()),
+    }
+}
+
+/// Time by which an angle comes before its command, s, where that is clear: the one at which the command explains most of it. Values
+/// that are not numbers do not count.
+pub(in crate::log) fn steers_early(step: f64, command: &[f64], angle: &[f64]) -> Option<f64> {
+    let most = ((EARLIEST / step) as usize).min(command.len());
+    let pairs = |early: usize, late: usize| {
+        command[early..].iter().copied().zip(angle[late.min(angle.len())..].iter().copied())
+    };
+    let best = |of: &dyn Fn(usize) -> Option<Slope>| {
+        let each = (0..most).step_by(most.div_ceil(TIMES).max(1)).filter_map(|rows| Some((rows, of(rows)?)));
+        each.max_by(|(_, one), (_, other)| one.explained.total_cmp(&other.explained))
+    };
+    let (rows, early) = best(&|rows| slope(pairs(rows, 0)))?;
+    // A steering that swings in one rhythm is as late as it is early.
+    let (_, late) = best(&|rows| slope(pairs(0, rows)))?;
+    let left: Vec<f64> = pairs(rows, 0).map(|(command, angle)| angle - early.factor * command).collect();
+    let (least, gained) = (1.0 - early.explained, early.explained - late.explained);
+    let is_answer = least < ANSWERS && independent(&left) * gained > CLEARLY * least;
+    (is_answer && rows > ROUNDED).then_some(rows as f64 * step)
+}
 
 /// What a command is answered with.
 struct CommandAnswer {

@@ -88,9 +88,10 @@ fn mend_others(log: &mut CleanLog, factors: &mut Factors, speed: LogUnit, accele
     let speeds = sized(units::SPEEDS);
     match kinematics::vy_factor(log) {
         Some((by, factor)) => {
-            // That of vx, if it explains vy.
+            // That of vx, if it explains vy. By the accelerometer no other one is told: a low pass of
+            // ay, or another point of the car, changes the ratio as far, and the two velocities are those of one instrument.
             let same = units::foreign(factor, &[speeds[0], speed]);
-            if let Some(unit) = same.or_else(|| units::foreign(factor, &speeds)) {
+            if let Some(unit) = same.or_else(|| units::foreign(factor, &speeds).filter(|_| by == "y")) {
                 let by = if by == "y" { "x, y and yaw tell" } else { "ay tells" };
                 convert(log, factors, unit, &["vy"], &format!("vy is {:.2} times what {by}", factor.abs()));
             }

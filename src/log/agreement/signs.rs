@@ -3,13 +3,14 @@
 use super::commands::{ASKED, driven};
 use super::rate_scale;
 use super::ratios::{
-    Errors, STEEP, bend, course, errors, gravity, lateral, steered, turn_factor, turns, way, winding,
+    Errors, STEEP, bend, blocks, course, errors, gravity, lateral, steered, turn_factor, turning, turns, way,
+    winding,
 };
 use crate::log::clean_log::{CleanError, CleanLog};
 use crate::log::finding::FindingSeverity;
 use crate::log::kinematics::{self, Told};
 use crate::log::units::DEGREE;
-use crate::numerics::statistics::{Slope, median};
+use crate::numerics::statistics::{Slope, median, slope};
 use crate::vehicle::GRAVITY;
 use std::f64::consts::FRAC_PI_2;
 
@@ -74,6 +75,8 @@ struct Motion {
     along: Option<Told>,
     /// The acceleration over the asked one.
     driven: Option<Told>,
+    /// True if `ax` feels the turns and `ay` does not.
+    crossed: bool,
 }
 
 impl Motion {
@@ -102,11 +105,18 @@ impl Motion {
             across: kinematics::vy_factor(log),
             along: kinematics::ax_factor(log),
             driven: driven(log).map(|(by, slope)| (by, slope.factor)),
+            crossed: crossed(log),
         }
     }
 
     /// The fault of a frame as a whole, where the course of x, y tells it: a sign alone would be the wrong advice.
     fn frame(&self) -> Option<CleanError> {
+        if self.crossed {
+            return Some(CleanError::Frame {
+                words: "ax is vx * yaw_rate, and ay is not: the two stand for one another, or the accelerometer is turned by a \
+                        quarter; ax is the acceleration forward, ay that to the left",
+            });
+        }
         let (course, turn) = (self.course?, self.turn?);
         let quarter = self.mirrored.abs() < QUARTER && MIRRORED.contains(&course);
         let backwards = self.apart.abs() > std::f64::consts::PI - QUARTER && MIRRORED.contains(&-course);
@@ -141,6 +151,22 @@ impl Motion {
             ("accel_cmd", self.driven.map_or("vx", |(by, _)| by), self.driven.map(|(_, factor)| factor)),
         ]
     }
+}
+
+/// Share of the acceleration of turns in the wrong column.
+const CROSSED: f64 = 0.8;
+
+/// True if an accelerometer feels turns along the body, and not across it.
+fn crossed(log: &CleanLog) -> bool {
+    let (Some(ax), Some(ay), Some(turning)) = (log.columns.get("ax"), log.columns.get("ay"), turning(log))
+    else {
+        return false;
+    };
+    let by_turning = |column| slope(blocks(log, &turning).zip(blocks(log, column)));
+    by_turning(ay).is_none()
+        && by_turning(ax).is_some_and(|slope| {
+            slope.explained > CROSSED && (1.0 - slope.factor.abs()).abs() < 1.0 - CROSSED
+        })
 }
 
 /// Angle between yaw and the course that no slip explains, rad: with `vy` and its standard error, and without.
