@@ -178,6 +178,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             turn: Some(parameters.tightest_turn()),
             lateral_jerk: steered(mpc.lateral_jerk_max),
             grip: speed.grip,
+            axles: parameters.axles,
         };
         let plan = path.plan_to_the_end(&limits);
         let further = parameters.vehicle.further_states();

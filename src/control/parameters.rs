@@ -8,7 +8,7 @@ use crate::enumeration;
 use crate::nominal::{Actuator, DeadTimeModel, LateralVehicle};
 use crate::parameter::{OutOfRange, Parameter, ParameterGroup};
 use crate::parameters;
-use crate::path::{CAR_GRIP, Path, TightestTurn, USED_GRIP};
+use crate::path::{AxleShares, CAR_GRIP, Path, TightestTurn, USED_GRIP};
 use crate::residual::DataConfig;
 use crate::signal::GRAVITY;
 use crate::vehicle::{CarParameters, SingleTrack, Steering, range_of};
@@ -124,6 +124,8 @@ pub struct ControllerParametersFor<G> {
     pub actuator: ActuatorParameters,
     pub nmpc: NmpcParameters,
     pub guard: GuardParameters,
+    /// Of the vehicle's file, and no parameter of its own.
+    pub axles: AxleShares,
 }
 
 impl ControllerParameters {
@@ -138,6 +140,7 @@ impl ControllerParameters {
         parameters.speed.brake_decel = SpeedParameters::braked_by(car.brake.max_force, car.vehicle.mass);
         parameters.speed.grip = SpeedParameters::gripped_by(car.least_friction(), CAR_GRIP);
         parameters.mpc.steer_rate_max = parameters.mpc.steer_rate_max.min(car.steering.rate_limit);
+        parameters.axles = car.axle_shares();
         parameters
     }
 }
