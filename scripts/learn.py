@@ -263,7 +263,7 @@ class Ladder:
         # To a tenth of a millisecond, as `rfl identify` writes them.
         self.steering = {"actuator.dead_time": round(dead_time, 4), "actuator.time_constant": round(lag, 4)}
         print(f"2 identify: {numbers}, by {'the angle' if drive.steer else 'the yaw rate'}")
-        for line in stands_otherwise(found, drive.steer):
+        for line in stands_otherwise(found, drive.steer, self.numbers):
             print(f"  {line}")
 
     def collect(self, level: int, roads: list[tuple[str, Path]]) -> list[Path]:
@@ -506,16 +506,23 @@ class Ladder:
         plot_errors(panels, self.out / "lateral_error.png")
 
 
-def stands_otherwise(found: dict, by_angle: bool) -> list[str]:
-    """Gain and offset of the steering, in words, where they are not 1 and 0; the controller is not given them."""
+def stands_otherwise(found: dict, by_angle: bool, told: dict[str, object] | None = None) -> list[str]:
+    """Gain and offset of the steering, in words, where they are not those that the controller is told, else 1 and 0."""
     said = []
+    told = told or {}
+
+    def differs(number: dict, name: str, usual: float, negligible: float) -> bool:
+        known = float(str(told.get(name, usual)))
+        is_known = abs(number["value"] - known) <= negligible or number["low"] <= known <= number["high"]
+        return number["excited"] and not is_known
+
     gain, offset = found["gain"], found["offset"]
-    if by_angle and gain["excited"] and abs(gain["value"] - 1.0) > NO_GAIN and not gain["low"] <= 1.0 <= gain["high"]:
+    if by_angle and differs(gain, "actuator.gain", 1.0, NO_GAIN):
         said.append(
             f"the measured angle is {gain['value']:.3f} times the command ({gain['low']:.3f} to {gain['high']:.3f}): "
             f"if the wheels turn so, too, say it to the controller, --set actuator.gain={gain['value']:.3f}"
         )
-    if offset["excited"] and abs(offset["value"]) > NO_OFFSET and not offset["low"] <= 0.0 <= offset["high"]:
+    if differs(offset, "actuator.offset", 0.0, NO_OFFSET):
         degrees = math.degrees(offset["value"])
         side = "left" if degrees > 0.0 else "right"
         said.append(

@@ -57,6 +57,7 @@ fn typos_and_missing_files_are_named() {
         (&["diagnose", "none.csv", "--vehicle", "none.toml"], "none."),
         (&["drive", "--vehicle", "none.toml"], "none.toml"),
         (&["drive", "--residual", "none.rflm"], "none.rflm"),
+        (&["drive", "--set", "variant=none"], "'rfl drive --variant none'"),
     ] {
         let (status, error) = said(arguments);
         assert!(matches!(status, Some(1 | 2)) && error.contains(words), "{arguments:?}: {error}");

@@ -23,16 +23,22 @@ fn icy_road() -> Arc<Path> {
 
 fn drives<P: SimulatedVehicle<S, C>, const S: usize, const C: usize>() {
     for name in P::Parameters::BUILTIN {
-        let vehicle = P::Parameters::builtin(name).unwrap();
-        let controller = ControllerFor::new(P::controller(&vehicle), icy_road()).unwrap();
-        let effects = vehicle.effects().clone();
-        let mut closed = ClosedLoopFor::<P, S, C>::at_start(controller, &vehicle, &effects, 0.02).unwrap();
-        let drive = closed.record(300.0, |_, error| error.abs() < 2.5);
-        let max = drive.tracking().max;
-        eprintln!("{name}: {max:.3} m in {:.0} s", drive.duration());
-        assert_eq!(drive.ending.outcome, Outcome::Completed, "{name}: {}", drive.ending.reason());
-        assert!(max < 0.3, "{name}: {max}");
+        drives_on_ice::<P, S, C>(name, &P::Parameters::builtin(name).unwrap());
     }
+}
+
+fn drives_on_ice<P: SimulatedVehicle<S, C>, const S: usize, const C: usize>(
+    name: &str,
+    vehicle: &P::Parameters,
+) {
+    let controller = ControllerFor::new(P::controller(vehicle), icy_road()).unwrap();
+    let effects = vehicle.effects().clone();
+    let mut closed = ClosedLoopFor::<P, S, C>::at_start(controller, vehicle, &effects, 0.02).unwrap();
+    let drive = closed.record(300.0, |_, error| error.abs() < 2.5);
+    let max = drive.tracking().max;
+    eprintln!("{name}: {max:.3} m in {:.0} s", drive.duration());
+    assert_eq!(drive.ending.outcome, Outcome::Completed, "{name}: {}", drive.ending.reason());
+    assert!(max < 0.3, "{name}: {max}");
 }
 
 #[test]
@@ -43,6 +49,26 @@ fn cars_brake_for_a_bend_on_ice() {
 #[test]
 fn trucks_brake_for_a_bend_on_ice() {
     drives::<Truck, 6, TRUCK_COLUMNS>();
+}
+
+/// An axle whose share of brakes or drive is larger than that of the weight slides first: nothing asks for more than it holds.
+#[test]
+fn brakes_and_drive_that_do_not_fit_the_loads_keep_within_the_grip_of_each_axle() {
+    // Share of the weight in front, and the shares of drive and brakes there.
+    let cases = [
+        ("light in front, braked there", [0.32, 1.0, 0.68]),
+        ("light in front, braked there alone", [0.32, 0.0, 1.0]),
+        ("heavy in front, braked behind", [0.66, 1.0, 0.3]),
+        ("heavy in front, driven behind", [0.66, 0.0, 0.7]),
+    ];
+    for (name, [weight, drive, brake]) in cases {
+        let mut car = <Car as SimulatedVehicle<4, CAR_COLUMNS>>::Parameters::builtin("c_class").unwrap();
+        let wheelbase = car.wheelbase();
+        car.vehicle.cg_to_front_axle = (1.0 - weight) * wheelbase;
+        car.vehicle.cg_to_rear_axle = weight * wheelbase;
+        (car.drive.front_share, car.brake.front_share) = (drive, brake);
+        drives_on_ice::<Car, 4, CAR_COLUMNS>(name, &car);
+    }
 }
 
 /// From standstill on a circle of 62 m, wet and not told so: driven wheels that spin no longer steer.

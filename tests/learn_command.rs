@@ -21,6 +21,10 @@ fn one_command_leaves_logs_controller_file_and_report() {
     let both = ["dead_time", "lag"].map(|name| report["steering"][name].as_f64().unwrap());
     // 0.06 s of dead time, 0.1 s of lag and the file's own 0.05 s.
     assert!((both[0] + both[1] - 0.21).abs() < 0.03, "{both:?}");
+    // What comes next is of the vehicle that was learned.
+    let said = text(&output.stdout);
+    let next = said.lines().find(|line| line.contains("rfl drive --vehicle")).unwrap();
+    assert!(next.contains("--set effect.steer_lag=0.1 --set effect.steer_delay=0.06"), "{said}");
 }
 
 #[test]

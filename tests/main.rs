@@ -46,6 +46,7 @@ mod diagnosed;
 mod drive_late_sensors;
 mod drive_outcomes;
 mod drive_robustness;
+mod drive_side_wind;
 mod drive_slippery;
 mod drive_table;
 mod drive_told_road;

@@ -3,7 +3,8 @@
 use proptest::prelude::*;
 use rfl_mpc::path::sudoku::Route;
 use rfl_mpc::path::{
-    BRAKED_SHARE, CAR_GRIP, Closure, DRIVEN_SHARE, Path, Sample, SpeedLimits, SpeedPlan, TightestTurn,
+    AxleShares, BRAKED_SHARE, CAR_GRIP, Closure, DRIVEN_SHARE, Path, Sample, SpeedLimits, SpeedPlan,
+    TightestTurn,
 };
 use std::f64::consts::TAU;
 
@@ -17,6 +18,7 @@ const LIMITS: SpeedLimits = SpeedLimits {
     turn: None,
     lateral_jerk: f64::INFINITY,
     grip: CAR_GRIP,
+    axles: AxleShares::UNKNOWN,
 };
 
 fn straight(length: usize) -> Path {

@@ -181,6 +181,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             turn: Some(parameters.tightest_turn()),
             lateral_jerk: steered(mpc.lateral_jerk_max),
             grip: speed.grip,
+            axles: parameters.axles,
         };
         let plan = path.plan_to_the_end(&limits);
         let further = parameters.vehicle.further_states();
@@ -369,7 +370,8 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         if report.status == ControlStatus::Optimal {
             report.steer_cmd += self.dither();
         }
-        report.steer_cmd = self.within_bounds(report.steer_cmd, previous, measurement.vx);
+        let rate = self.largest_rate(&estimate, measurement.vx, far);
+        report.steer_cmd = self.within_bounds(report.steer_cmd, previous, rate);
         if self.parameters.mpc.dither > 0.0 && self.parameters.mpc.follow_road == 1 {
             self.state.dither = report.steer_cmd - planned;
         }
@@ -475,6 +477,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             station: report.station,
             ahead: SpeedAhead { speed, accel: report.accel_cmd, predicted },
             previous,
+            rate_max: self.largest_rate(state, speed, far),
             path: &self.path,
             disturbance: &disturbance,
             residual_share: if far { 0.0 } else { self.residual_share() },

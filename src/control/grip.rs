@@ -7,11 +7,14 @@
 //! a_x^2 + (v^2 kappa + g sin bank)^2 <= (mu grip)^2
 //! ```
 //!
+//! Of what is left an axle gives as much as its load allows, and drive and brakes ask each axle for its share
+//! ([`AxleShares`]).
+//!
 //! Drive and brakes have a lag: a vehicle that accelerates onto ice still does on it. So the drive is bounded by the
 //! least grip of the road over the next [`PREVIEW`].
 
 use super::preview::bank_accel;
-use crate::path::Path;
+use crate::path::{AxleShares, BRAKED_SHARE, DRIVEN_SHARE, Path};
 use crate::signal::GRAVITY;
 
 /// Least share of the grip, and of the safe stop's deceleration, however much of it the steering needs.
@@ -31,17 +34,17 @@ pub(super) fn beside(lateral: f64, grip: f64) -> f64 {
 pub(super) struct RoadAhead {
     /// Largest lateral acceleration that its bends ask for.
     pub lateral: f64,
-    /// Grip that is left for braking.
+    /// Deceleration that the axles hold beside that.
     pub brakes: f64,
-    /// Grip that is left for driving.
+    /// Acceleration that they hold.
     pub drives: f64,
     /// Acceleration that holds the vehicle on the slope that the path tells of; negative downhill.
     pub holding: f64,
 }
 
 impl RoadAhead {
-    /// The road from a station on, at a speed, for a vehicle with this grip on a dry road.
-    pub fn look(path: &Path, station: f64, speed: f64, grip: f64) -> Self {
+    /// The road from a station on, at a speed, for a vehicle with this grip on a dry road and these axles.
+    pub fn look(path: &Path, station: f64, speed: f64, grip: f64, axles: &AxleShares) -> Self {
         let mut ahead =
             Self { lateral: 0.0, brakes: 0.0, drives: f64::INFINITY, holding: holding(path, station) };
         for k in 0..POINTS {
@@ -51,11 +54,12 @@ impl RoadAhead {
             ahead.lateral = ahead.lateral.max(bend.abs());
             let grip = grip * path.friction(there);
             let left = beside(bend - bank_accel(path, there), grip).max(LEAST_SHARE * grip);
-            ahead.drives = ahead.drives.min(left);
+            ahead.drives = ahead.drives.min(axles.driving(left, DRIVEN_SHARE) * left);
         }
         let grip = grip * path.friction(station);
         let lateral = ahead.lateral.max(bank_accel(path, station).abs());
-        ahead.brakes = beside(lateral, grip).max(LEAST_SHARE * grip);
+        let left = beside(lateral, grip).max(LEAST_SHARE * grip);
+        ahead.brakes = axles.braking(left, BRAKED_SHARE) * left;
         ahead
     }
 }

@@ -60,6 +60,8 @@ pub struct LateralInput<'a, const S: usize = ERRORS> {
     pub ahead: SpeedAhead<'a>,
     /// Steering command in force, rad.
     pub previous: f64,
+    /// Largest rate of that command, rad/s.
+    pub rate_max: f64,
     /// The road.
     pub path: &'a Path,
     /// Disturbance of each step.
@@ -303,7 +305,7 @@ impl<const S: usize> LateralMpc<S> {
         self.qp.problem.previous[0] = previous;
         self.qp.timing = Timing::default();
         self.qp.solved = 0;
-        self.weigh(input.ahead.speed, input.tightness);
+        self.weigh(input);
         if let Some(terms) = &mut self.qp.terms {
             terms.look(input.ahead.speed, &self.preview.curvature);
         }
@@ -354,8 +356,9 @@ impl<const S: usize> LateralMpc<S> {
         problem.shape.input_max[0] = (largest + beyond).max(previous - back).min(most);
     }
 
-    /// Writes the weights and the bound of the rate at a speed, [tightened](MpcParameters::tightened).
-    fn weigh(&mut self, speed: f64, tightness: f64) {
+    /// Writes the weights at a speed, [tightened](MpcParameters::tightened), and the bound of the rate.
+    fn weigh(&mut self, input: &LateralInput<'_, S>) {
+        let (speed, tightness) = (input.ahead.speed, input.tightness);
         let p = self.parameters.tightened(tightness);
         let errors = [p.q_e1, p.q_e1_rate, p.q_e2, p.q_e2_rate];
         // States behind the errors fall as an angle does.
@@ -368,7 +371,7 @@ impl<const S: usize> LateralMpc<S> {
         let jerk = speed * speed / self.wheelbase;
         let rate_weight = p.r_rate + p.r_lateral_jerk * jerk * jerk;
         shape.rate_weight[0] = rate_weight / (p.sample_time * p.sample_time);
-        shape.rate_max[0] = p.steer_rate_at(speed, self.wheelbase) * p.sample_time;
+        shape.rate_max[0] = input.rate_max * p.sample_time;
     }
 
     /// The state after this step if `steer` is issued, with all knowledge of the newest prediction; `past` are the

@@ -8,7 +8,7 @@ use crate::enumeration;
 use crate::nominal::{Actuator, DeadTimeModel, LateralVehicle};
 use crate::parameter::{OutOfRange, Parameter, ParameterGroup};
 use crate::parameters;
-use crate::path::{CAR_GRIP, Path, TightestTurn, USED_GRIP};
+use crate::path::{AxleShares, CAR_GRIP, Path, TightestTurn, USED_GRIP};
 use crate::residual::DataConfig;
 use crate::signal::GRAVITY;
 use crate::vehicle::{CarParameters, SingleTrack, Steering, range_of};
@@ -124,6 +124,8 @@ pub struct ControllerParametersFor<G> {
     pub actuator: ActuatorParameters,
     pub nmpc: NmpcParameters,
     pub guard: GuardParameters,
+    /// Of the vehicle's file, and no parameter of its own.
+    pub axles: AxleShares,
 }
 
 impl ControllerParameters {
@@ -138,6 +140,7 @@ impl ControllerParameters {
         parameters.speed.brake_decel = SpeedParameters::braked_by(car.brake.max_force, car.vehicle.mass);
         parameters.speed.grip = SpeedParameters::gripped_by(car.least_friction(), CAR_GRIP);
         parameters.mpc.steer_rate_max = parameters.mpc.steer_rate_max.min(car.steering.rate_limit);
+        parameters.axles = car.axle_shares();
         parameters
     }
 }
@@ -287,10 +290,20 @@ impl ActuatorParameters {
 }
 
 impl MpcParameters {
-    /// Largest rate of the steering at a speed in m/s for a wheelbase in m, rad/s.
+    /// Largest rate of the steering at a speed in m/s for a wheelbase in m, rad/s, with the lateral error in m and its rate.
+    ///
+    /// ```text
+    /// L / v^2 jerk (1 + min(1, sqrt(e1^2 + (e1' 1 s)^2) / e1_max))
+    /// ```
+    ///
+    /// A loop that swings needs a rate in proportion to its swing. A bound that holds it back makes it lag, and the swing
+    /// grows. So a swing as large as the soft bound of the error has twice the rate of a vehicle on its path.
     #[must_use]
-    pub fn steer_rate_at(&self, speed: f64, wheelbase: f64) -> f64 {
-        self.steer_rate_max.min(self.lateral_jerk_max * wheelbase / (speed * speed).max(1e-9))
+    pub fn steer_rate_at(&self, speed: f64, wheelbase: f64, [e1, e1_rate]: [f64; 2]) -> f64 {
+        const SWING_TIME: f64 = 1.0;
+        let swing = (e1.hypot(SWING_TIME * e1_rate) / self.e1_max).min(1.0);
+        let jerk = (1.0 + swing) * self.lateral_jerk_max;
+        self.steer_rate_max.min(jerk * wheelbase / (speed * speed).max(1e-9))
     }
 
     /// The weights of a loop that is faster by `tightening` to the power of `tightness`, 0 to 1. In a time shorter by

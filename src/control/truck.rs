@@ -241,6 +241,7 @@ impl TruckControllerParameters {
             LongitudinalParameters { drive_lag: truck.drive.lag, ..LongitudinalParameters::default() };
         let actuator = ActuatorParameters::of(&truck.steering);
         let observer = ObserverParameters { disturbance_noise: 0.15, ..ObserverParameters::default() };
-        Self { vehicle, mpc, observer, speed, longitudinal, actuator, ..Self::default() }
+        let axles = truck.axle_shares();
+        Self { vehicle, mpc, observer, speed, longitudinal, actuator, axles, ..Self::default() }
     }
 }

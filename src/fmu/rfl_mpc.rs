@@ -24,8 +24,17 @@ impl ControllerUnit<ERRORS> for NominalVehicle {
     }
 
     fn groups(parameters: &mut ControllerParameters) -> Vec<&mut dyn ParameterValues> {
-        let ControllerParameters { vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard } =
-            parameters;
+        let ControllerParameters {
+            vehicle,
+            mpc,
+            speed,
+            longitudinal,
+            observer,
+            actuator,
+            nmpc,
+            guard,
+            axles: _,
+        } = parameters;
         vec![vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard]
     }
 }

@@ -40,8 +40,17 @@ impl ControllerUnit<TRUCK_STATES> for NominalTruck {
     }
 
     fn groups(parameters: &mut TruckControllerParameters) -> Vec<&mut dyn ParameterValues> {
-        let TruckControllerParameters { vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard } =
-            parameters;
+        let TruckControllerParameters {
+            vehicle,
+            mpc,
+            speed,
+            longitudinal,
+            observer,
+            actuator,
+            nmpc,
+            guard,
+            axles: _,
+        } = parameters;
         vec![vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard]
     }
 }

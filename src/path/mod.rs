@@ -41,6 +41,7 @@
 //! | `grid.rs`, `quadrature.rs` | arc length: lookups in constant time |
 //! | `project.rs` | the nearest point, with a hint and without |
 //! | `speed.rs` | a speed plan within lateral and longitudinal limits |
+//! | `axle_shares.rs` | what drive and brakes ask of each axle beside its load |
 //! | `read.rs`, `write.rs` | files |
 //! | `accuracy.rs`, `lap.rs` | digits of coordinates; laps of a log |
 //! | `segment.rs`, `pen.rs` | roads drawn exactly from straights, arcs and clothoids |
@@ -50,6 +51,7 @@
 //! | `error.rs` | errors of a road |
 
 mod accuracy;
+mod axle_shares;
 mod banded;
 mod check;
 mod draw;
@@ -78,6 +80,7 @@ mod sway;
 mod truck_course;
 mod write;
 
+pub use axle_shares::AxleShares;
 pub use error::{InputPlace, PathError, WrittenName};
 pub use note::Note;
 pub use project::{Projection, Where};

@@ -10,20 +10,21 @@
 //!
 //! Each half-axis is the driver's wish, or less where tyres do not give it: the road's friction factor times the grip
 //! on a dry road, less what holds the vehicle on a bank or a slope. Not all of it drives or brakes ([`DRIVEN_SHARE`],
-//! [`BRAKED_SHARE`]), and brakes give no more than their force.
+//! [`BRAKED_SHARE`], less where an axle has a larger share of the force than of the weight), and brakes give no more than
+//! their force.
 //!
 //! One pass backwards for braking, one forwards for accelerating, in `v^2`, which is linear in `s` at constant
 //! acceleration. Last, `v^2` is replaced by a sliding mean of its sliding minimum over [`BLEND`]. The result stays
 //! below the limits, is no steeper, and has an acceleration without jumps.
 
-use super::Path;
+use super::{AxleShares, Path};
 use crate::signal::GRAVITY;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 /// Reserved share of the ellipse's longitudinal half-axis, so that a plan can still change speed in a bend that is
 /// driven at the limit.
 const LEAST_SHARE: f64 = 0.15;
-/// Share of the grip that drives: that of the weight on the axle that does.
+/// Share of the grip that drives at most: that of the weight on the axle that does.
 pub const DRIVEN_SHARE: f64 = 0.5;
 /// Share of the grip that brakes at most: brakes are shared for a dry road, and elsewhere one axle locks before the
 /// other. A locked wheel neither steers nor brakes as well.
@@ -68,6 +69,8 @@ pub struct SpeedLimits {
     pub lateral_jerk: f64,
     /// Largest part of the tyres' grip that a plan uses where the friction factor is 1, in m/s2.
     pub grip: f64,
+    /// What of that the axles hold.
+    pub axles: AxleShares,
 }
 
 impl Default for SpeedLimits {
@@ -84,6 +87,7 @@ impl Default for SpeedLimits {
             turn: None,
             lateral_jerk: without,
             grip: CAR_GRIP,
+            axles: AxleShares::UNKNOWN,
         }
     }
 }
@@ -188,13 +192,16 @@ impl SpeedPlan {
                 let outwards = to_right * curvature[i].signum();
                 let limit = limits.lateral_accel.min(grip - outwards).max(1e-3);
                 lateral.push(limit);
-                let braked = grip.min(limits.brake_decel);
+                // Plans keep their distance to what the axles hold.
+                let all_held = limits.axles.braking(grip, BRAKED_SHARE) / BRAKED_SHARE;
+                let braked = (all_held * grip).min(limits.brake_decel);
+                let drive = limits.axles.driving(grip, DRIVEN_SHARE) * grip;
                 along.push([
                     limits
                         .decel
                         .min(PLANNED_BRAKING * braked + back)
                         .max(LEAST_SHARE * limits.decel.min(braked)),
-                    limits.accel.min(DRIVEN_SHARE * grip - back).max(LEAST_SHARE * limits.accel.min(grip)),
+                    limits.accel.min(drive - back).max(LEAST_SHARE * limits.accel.min(grip)),
                 ]);
                 let top = if road.is_nan() { limits.speed } else { limits.speed.min(road) };
                 let change = path.curvature_rate(i as f64 * step).abs().min(driven).max(1e-12);

@@ -12,6 +12,7 @@ use super::file::{
 };
 use super::tolerance::Tolerances;
 use super::tyre::{Coefficients, Tyre, TyreModel};
+use crate::path::AxleShares;
 use serde::{Deserialize, Serialize};
 
 pub use crate::signal::GRAVITY;
@@ -285,6 +286,15 @@ impl CarParameters {
     pub fn axle_loads(&self) -> (f64, f64) {
         let weight = self.vehicle.mass * GRAVITY / self.wheelbase();
         (weight * self.vehicle.cg_to_rear_axle, weight * self.vehicle.cg_to_front_axle)
+    }
+
+    /// Shares of the axles in weight, drive and brakes.
+    #[must_use]
+    pub fn axle_shares(&self) -> AxleShares {
+        let (front, rear) = self.axle_loads();
+        let of = |share: f64| [share, 1.0 - share, 0.0];
+        let moved = self.vehicle.cg_height / (self.wheelbase() * GRAVITY);
+        AxleShares::new([front, rear, 0.0], of(self.drive.front_share), of(self.brake.front_share), moved)
     }
 
     /// Friction coefficient of the axle that slides first, on a dry road.

@@ -13,6 +13,7 @@ use super::file::{
 use super::parameters::{Axle, Body, GRAVITY, Steering, relaxation_at_rest};
 use super::tolerance::Tolerances;
 use super::tyre::{Coefficients, Tyre};
+use crate::path::AxleShares;
 use serde::{Deserialize, Serialize};
 
 /// All parameters of a truck. Units stand in [`TruckParameters::TABLE`].
@@ -307,6 +308,15 @@ impl TruckParameters {
             [self.trailer.cg_to_hitch, -self.trailer.cg_to_axle],
         );
         [loads.front, loads.rear, loads.trailer]
+    }
+
+    /// Shares of the axle groups in weight, drive and brakes: front, rear, trailer. Weight that braking moves is left out:
+    /// most of it is moved between trailer and hitch.
+    #[must_use]
+    pub fn axle_shares(&self) -> AxleShares {
+        let TruckBrake { front_share: front, trailer_share: trailer, .. } = self.brake;
+        let brake = [front, 1.0 - front - trailer, trailer];
+        AxleShares::new(self.axle_loads(), [0.0, 1.0, 0.0], brake, 0.0)
     }
 
     /// Friction coefficient of the axle group that slides first, on a dry road.

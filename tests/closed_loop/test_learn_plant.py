@@ -328,6 +328,10 @@ def test_what_stands_otherwise_in_the_steering_is_said():
     # Through the yaw rate a gain is that of the tyres as well; what is not excited is not said.
     assert learn.stands_otherwise(sound | {"gain": number(0.85, 0.001)}, False) == []
     assert learn.stands_otherwise(sound | {"offset": number(0.01, 1e-3, False)}, True) == []
+    # What the controller is told need not be said to it, and what it is told wrongly is said.
+    other = {"gain": number(0.93, 0.001), "offset": number(0.02, 1e-4)}
+    assert learn.stands_otherwise(other, True, {"actuator.gain": "0.93", "actuator.offset": 0.02}) == []
+    assert len(learn.stands_otherwise(sound, True, {"actuator.gain": "0.93"})) == 1
 
 
 def test_an_articulation_of_the_other_sign_is_noticed():

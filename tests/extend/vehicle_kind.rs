@@ -220,6 +220,7 @@ fn controller(model: Model, articulation_max: f64) -> ControllerFor<Toy, 6> {
         actuator: Default::default(),
         nmpc: Default::default(),
         guard: GuardParameters { active: 0, ..Default::default() },
+        axles: Default::default(),
     };
     parameters.mpc.horizon = HORIZON;
     parameters.mpc.r_rate = 0.3;

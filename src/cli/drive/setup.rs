@@ -66,6 +66,12 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
             Some(("controller", name)) => (true, false, name),
             _ => (true, true, full_name),
         };
+        if name == "variant" {
+            return Err(format!(
+                "--set {text}: a variant is no number; 'rfl drive --variant {value}' chooses it"
+            )
+            .into());
+        }
         let declared = ControllerParametersFor::<P::Nominal>::declared(name).filter(|_| controller);
         let value = number(text, declared, value)?;
         let mut found = false;

@@ -348,21 +348,23 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> Ladder<'_, P, S, C> {
         let vehicle = &self.args.vehicle;
         let controller = self.file("controller.toml");
         let controller = controller.display();
+        // What was set is of the vehicle that was learned, and of no file.
+        let set: String = self.args.settings.iter().map(|text| format!(" --set {text}")).collect();
         match (best, model) {
             ("default", _) => {
                 say!(
-                    "nothing of it drives better than the default controller: rfl drive --vehicle {vehicle}"
+                    "nothing of it drives better than the default controller: rfl drive --vehicle {vehicle}{set}"
                 );
             }
             ("learned", Some(model)) => say!(
-                "next: rfl drive --vehicle {vehicle} --controller {controller} --residual {}",
+                "next: rfl drive --vehicle {vehicle}{set} --controller {controller} --residual {}",
                 model.display()
             ),
             _ => {
                 if model.is_some() {
                     say!("the learned model drives no better than the identified steering alone");
                 }
-                say!("next: rfl drive --vehicle {vehicle} --controller {controller}");
+                say!("next: rfl drive --vehicle {vehicle}{set} --controller {controller}");
             }
         }
     }

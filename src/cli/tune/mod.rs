@@ -31,7 +31,7 @@ use std::path::PathBuf;
     after_help = "The family: stiffness of each axle 0.8 to 1.1, payload, friction 1 and 0.8, noise, and the vehicle's own steering (lag and
 dead time of its file) 0.7 to 1.3 of what the file says. The cost is the worst drive's error and a share of the mean, and what
 the wanted margins miss. What is found is written only if it is better than the default controller on other roads and
-vehicles of the family; else nothing is written, and that is said.
+vehicles of the family; else nothing is written, and that is said. Margins and calm may cost errors: then the result says how much.
 
 Examples:
   rfl tune --vehicle my_car.toml                        on our own random roads; out/tune/controller.toml

@@ -24,8 +24,9 @@ where
     ) -> Result<String, Box<dyn Error>> {
         let file = self.args.out.join("controller.toml");
         let words = if better {
+            let price = price(held_out).map_or_else(String::new, |price| format!("; {price}"));
             format!(
-                "written to {}: rfl drive --vehicle {} --controller {}",
+                "written to {}: rfl drive --vehicle {} --controller {}{price}",
                 file.display(),
                 self.args.vehicle,
                 file.display()
@@ -63,6 +64,7 @@ where
             "vehicle": tuned.vehicle, "kind": P::KIND, "variant": tuned.variant, "seed": self.args.seed,
             "goal": { "delay": tuned.goal.0, "gain": tuned.goal.1 },
             "budget": self.args.budget, "written": tuned.better,
+            "price": if tuned.better { price(*on_held_out) } else { None },
             "controller": content.values.into_iter().collect::<BTreeMap<_, _>>(),
             "default": of(0),
             "tuned": of(1),
@@ -108,6 +110,29 @@ where
             default.mean()
         )
     }
+}
+
+/// What a better controller costs, in words: larger errors of drives that neither was tuned on. None where neither the
+/// mean error nor the largest is larger, and where one of the two loses more drives.
+fn price([default, tuned]: [&TuneCandidate; 2]) -> Option<String> {
+    let more = |of: fn(&TuneCandidate) -> f64| (100.0 * (of(tuned) / of(default) - 1.0)).round();
+    let errors = [more(TuneCandidate::mean), more(TuneCandidate::worst)];
+    if default.lost() != tuned.lost() || errors.iter().all(|&percent| percent <= 0.0) {
+        return None;
+    }
+    let gain = match tuned {
+        _ if tuned.penalty < default.penalty => "larger margins",
+        _ if tuned.roughness() < default.roughness() => "calmer steering",
+        _ => "a smaller cost",
+    };
+    let [mean, max] = errors.map(|percent| match percent {
+        more if more > 0.0 => format!("{more} % larger"),
+        less => format!("{} % smaller", -less),
+    });
+    Some(format!(
+        "it has {gain} at the price of errors: on held-out drives the mean error is {mean} than the default's, the \
+         largest {max}"
+    ))
 }
 
 /// Margins at each speed for `tune.json`.
@@ -193,4 +218,40 @@ pub(super) fn print<P: Commanded<S, C>, const S: usize, const C: usize>(
     }
     let tuned = &sets[0][1].values;
     say!("tuned for {}: {}", tuning.vehicle.name(), tuned.settings().join(" "));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::tune::ScenarioResult;
+
+    /// A candidate with a drive of this mean and largest error, m.
+    fn candidate(mean: f64, max: f64, penalty: f64) -> TuneCandidate {
+        let outcome = ScenarioResult {
+            cost: max,
+            max,
+            mean,
+            rms: mean,
+            roughness: 0.0,
+            lost: false,
+            driven: 1.0,
+            given_up: false,
+            faded: 0.0,
+        };
+        let values = ControllerNumbers(BTreeMap::new());
+        TuneCandidate { values, cost: max + penalty, penalty, complete: true, outcomes: vec![Some(outcome)] }
+    }
+
+    #[test]
+    fn larger_errors_are_said_with_what_they_buy() {
+        let default = candidate(0.05, 0.30, 0.5);
+        let said = price([&default, &candidate(0.056, 0.27, 0.2)]).unwrap();
+        assert!(said.contains("larger margins") && said.contains("12 % larger"), "{said}");
+        assert!(said.contains("largest 10 % smaller"), "{said}");
+        assert!(price([&default, &candidate(0.04, 0.33, 0.5)]).unwrap().contains("a smaller cost"));
+        assert_eq!(price([&default, &candidate(0.05, 0.29, 0.2)]), None);
+        let mut lost = candidate(0.5, 2.0, 0.5);
+        lost.outcomes.push(lost.outcomes[0].map(|outcome| ScenarioResult { lost: true, ..outcome }));
+        assert_eq!(price([&lost, &candidate(0.6, 1.9, 0.2)]), None);
+    }
 }

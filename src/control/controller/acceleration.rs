@@ -9,7 +9,6 @@ use crate::control::longitudinal::LongitudinalInput;
 use crate::control::parameters::SpeedParameters;
 use crate::control::speed::track_speed;
 use crate::control::vehicle::ControlledParameters;
-use crate::path::{BRAKED_SHARE, DRIVEN_SHARE};
 use std::time::Instant;
 
 /// Speed at which a far vehicle comes back, m/s.
@@ -48,9 +47,9 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let planned = self.plan.speed(report.station);
         let limit = self.speed_limit(far, planned, elapsed, report);
         let brakes = stops || self.state.speed_share < 1.0;
-        let road = RoadAhead::look(&self.path, report.station, speed, self.parameters.speed.grip);
-        let RoadAhead { lateral, holding, .. } = road;
-        let (drives, stops_by) = (DRIVEN_SHARE * road.drives, BRAKED_SHARE * road.brakes);
+        let p = &self.parameters;
+        let road = RoadAhead::look(&self.path, report.station, speed, p.speed.grip, &p.axles);
+        let RoadAhead { lateral, brakes: stops_by, drives, holding } = road;
         // Brakes act against the motion, and hold a standing vehicle against either slope.
         let pull = if speed > ROLLS_BACK { -holding } else { holding.abs() };
         let braking = (self.braking(lateral) + pull.max(0.0)).min(stops_by);

@@ -6,6 +6,7 @@ use crate::control::tracking_qp::{QpEnd, QpError, QpReport};
 use crate::control::vehicle::ControlledParameters;
 use crate::nominal::LateralVehicle as _;
 use crate::numerics::Random;
+use nalgebra::SVector;
 
 /// Steps for which a value of the dither is held: 40 ms at Ts = 0.02 s. Held for 0.1 s it does not excite the vehicle
 /// above 5 Hz. A model learned from it is wrong at the frequencies of a tight controller.
@@ -52,11 +53,17 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
 
     /// A steering command within its bounds. The plan respects them to the solver's tolerance, the command does exactly; and
     /// no measurement moves it faster than the lateral acceleration may change.
-    pub(super) fn within_bounds(&self, steer: f64, previous: f64, speed: f64) -> f64 {
+    pub(super) fn within_bounds(&self, steer: f64, previous: f64, rate: f64) -> f64 {
         let p = &self.parameters.mpc;
+        let most = rate * p.sample_time;
+        steer.clamp(previous - most, previous + most).clamp(-p.steer_max, p.steer_max)
+    }
+
+    /// Largest rate of the steering with errors to the path, rad/s. Far from its path a vehicle has time.
+    pub(super) fn largest_rate(&self, errors: &SVector<f64, S>, speed: f64, far: bool) -> f64 {
         let wheelbase = self.parameters.vehicle.nominal().wheelbase();
-        let rate = p.steer_rate_at(speed, wheelbase) * p.sample_time;
-        steer.clamp(previous - rate, previous + rate).clamp(-p.steer_max, p.steer_max)
+        let errors = if far { [0.0; 2] } else { [errors[0], errors[1]] };
+        self.parameters.mpc.steer_rate_at(speed, wheelbase, errors)
     }
 
     /// The command for an angle at the wheels, before the linkage's known gain and offset, within its bounds.

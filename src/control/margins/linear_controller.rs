@@ -212,6 +212,7 @@ impl<const S: usize> Asked<S> {
                 station: 0.0,
                 ahead: SpeedAhead { speed, accel: 0.0, predicted: &[] },
                 previous: commands[0],
+                rate_max: NEVER,
                 path: &self.road,
                 disturbance,
                 residual_share: 1.0,

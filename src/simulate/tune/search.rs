@@ -82,6 +82,12 @@ impl TuneCandidate {
         let driven = self.outcomes.iter().flatten().count().max(1);
         self.outcomes.iter().flatten().map(|outcome| outcome.mean).sum::<f64>() / driven as f64
     }
+
+    /// Largest of the drives' root mean square rates of the command, rad/s.
+    #[must_use]
+    pub fn roughness(&self) -> f64 {
+        self.outcomes.iter().flatten().map(|outcome| outcome.roughness).fold(0.0, f64::max)
+    }
 }
 
 impl<P: Compared<S, C, Effects: Sync, Nominal: Sync>, const S: usize, const C: usize> Ensemble<P, S, C> {

@@ -381,6 +381,7 @@ mod tests {
             station: 10.0,
             ahead,
             previous: 0.2,
+            rate_max: 1.0,
             path: &path,
             disturbance: &ErrorState::zeros(),
             residual_share: 1.0,
