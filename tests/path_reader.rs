@@ -126,7 +126,7 @@ fn what_is_not_a_number_is_found() {
     has(&message, &["line 3", "column `y`"]);
     let (_, message) = refuse("x:y\n0:0\n");
     has(&message, &["line 1", "x:y"]);
-    let (_, message) = refuse("x,y\n0,0\n\"1,5\",0\n");
+    let (_, message) = refuse("x,y\n0,0.5\n\"1,5\",0\n");
     has(&message, &["line 3", "column `x`", "1,5"]);
 }
 

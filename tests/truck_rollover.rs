@@ -49,9 +49,10 @@ fn a_truck_that_heads_off_its_road_comes_back_on_its_wheels() {
 }
 
 #[test]
-fn without_the_bound_it_would_roll_over() {
+fn without_the_bound_it_would_roll_over_or_jack_knife() {
     let drive = drive("truck_simulation", 0.12, TruckEffects::default(), |p| p.mpc.lateral_accel_max = 1e6);
-    assert!(drive.ending.reason().contains("rolled over"), "{}", drive.ending.reason());
+    let reason = drive.ending.reason();
+    assert!(reason.contains("rolled over") || reason.contains("jack-knifed"), "{reason}");
 }
 
 #[test]

@@ -125,9 +125,8 @@ pub enum NotBetter {
     /// It is not better on plants that are none of the log's.
     #[error(
         "no plant of our family explains these logs as well as the model: of the one-step errors of the file's vehicle the best plant \
-         leaves {:.0} % (lateral) and {:.0} % (yaw), the model {:.0} % and {:.0} %{}. So simulated drives do not tell which is better",
+         leaves {:.0} % (lateral) and {:.0} % (yaw), the model {:.0} % and {:.0} %. So simulated drives do not tell which is better",
         100.0 * plants.left[0], 100.0 * plants.left[1], 100.0 * model[0], 100.0 * model[1],
-        if plants.at_border { ", and its tyre stiffness is at the border of what tyres have" } else { "" }
     )]
     Unexplained {
         /// Misfit of the plants.

@@ -1,11 +1,5 @@
 //! Plants that explain a log equally well: candidates about the vehicle's file, drawn by a bootstrap over the log's
 //! blocks.
-//!
-//! The first candidates fill the whole range. Those of each later generation lie about the best on resampled logs, as far from
-//! them and in the directions in which the best of all lie apart: a log that determines the plant leaves candidates close by,
-//! another one those far apart.
-//!
-//! Source: Rubinstein and Kroese, The Cross-Entropy Method, 2004, ch. 5.
 
 use super::{DRIVES, actuator_about};
 use crate::nominal::{Actuator, SingleTrackError};
@@ -15,22 +9,11 @@ use crate::simulate::experiment::{Compared, NominalOf};
 use crate::vehicle::VehicleParameters as _;
 use serde::Serialize;
 
-/// Candidates of the first generation, and of each later one.
-const FIRST: usize = 96;
-const LATER: usize = 64;
-/// Later generations: where the best eighth of one spans the next, each is two thirds as wide in five directions.
-const GENERATIONS: usize = 8;
-/// Candidates that are best on the log, and as many on resampled logs, about which the next lie.
-const BEST: usize = 8;
-/// Range of the stiffness of an axle as a factor: half where the file has a sport tyre and the vehicle a soft winter tyre, twice the
-/// other way round, and a fifth more for pressure, axle load and suspension.
-const STIFFNESS: (f64, f64) = (0.4, 2.0);
-/// Range of a payload as a share of the mass: that of a laden van.
-const PAYLOAD: f64 = 0.5;
-/// Standard deviations of the actuator's numbers.
-const DEVIATIONS: f64 = 3.0;
-/// Share of the range of a stiffness that is its border.
-const BORDER: f64 = 0.02;
+/// Candidates.
+const CANDIDATES: usize = 96;
+/// Range of the stiffness of an axle as a factor, and of a payload as a share of the mass.
+const STIFFNESS: (f64, f64) = (0.75, 1.2);
+const PAYLOAD: f64 = 0.25;
 /// Error over that of a model from which on most of it is systematic: three quarters of the squares.
 const SYSTEMATIC: f64 = 2.0;
 /// Outputs of a misfit: rates of the lateral error and of the yaw error.
@@ -61,8 +44,6 @@ pub struct ExplainingPlants<P: Compared<S, C>, const S: usize, const C: usize> {
 pub struct PlantMisfit {
     /// Its RMS error of the rates of lateral error and yaw error, over that of the file's vehicle without an actuator.
     pub left: [f64; RATES],
-    /// True if most of the plants that explain the logs best have a stiffness at the border of its range.
-    pub at_border: bool,
 }
 
 impl PlantMisfit {
@@ -74,93 +55,15 @@ impl PlantMisfit {
             left.iter().map(|left| left.max(f64::MIN_POSITIVE).ln()).sum::<f64>() / RATES as f64
         };
         let [plant, model] = [self.left, model].map(mean);
-        !self.at_border && plant <= model + SYSTEMATIC.ln()
+        plant <= model + SYSTEMATIC.ln()
     }
 }
 
-/// A candidate: shares of the range of front and rear stiffness and of the payload, -1 to 1, and standard deviations of the
-/// actuator's sum and parts.
-type Candidate = [f64; 5];
-
-/// Candidates and their misfits.
-struct Family<'a> {
-    shown: &'a ShownActuator,
-    mass: f64,
-    candidates: Vec<Candidate>,
-    misfits: Vec<Vec<BlockMisfit>>,
-}
-
-impl Family<'_> {
-    /// Factors on front and rear stiffness, payload in kg, actuator.
-    fn values(&self, of: &Candidate) -> ([f64; 2], f64, Actuator) {
-        let factor = |share: f64| {
-            let (low, high) = STIFFNESS;
-            if share < 0.0 { low.powf(-share) } else { high.powf(share) }
-        };
-        let of_parts = self.shown.prior.dead_time_spread.max(self.shown.prior.lag_spread);
-        let actuator =
-            actuator_about(&self.shown.prior.actuator, [self.shown.spread, of_parts], [of[3], of[4]]);
-        // As many without a payload as with one.
-        ([factor(of[0]), factor(of[1])], PAYLOAD * self.mass * of[2].max(0.0), actuator)
-    }
-
-    /// The candidates, the best on a log of these blocks first.
-    fn ranked(&self, blocks: &[usize]) -> Vec<usize> {
-        let score = |of: &[BlockMisfit]| {
-            let sum = |o: usize| blocks.iter().map(|&block| of[block].squares[o]).sum::<f64>();
-            sum(0).max(f64::MIN_POSITIVE).ln() + sum(1).max(f64::MIN_POSITIVE).ln()
-        };
-        let scores: Vec<f64> = self.misfits.iter().map(|misfit| score(misfit)).collect();
-        let mut ranked: Vec<usize> = (0..scores.len()).collect();
-        ranked.sort_by(|&a, &b| scores[a].total_cmp(&scores[b]));
-        ranked
-    }
-
-    /// The same on the log itself.
-    fn ranked_on_log(&self) -> Vec<usize> {
-        self.ranked(&(0..self.misfits[0].len()).collect::<Vec<_>>())
-    }
-
-    /// The best on so many resampled logs.
-    fn best_of_resampled(&self, count: usize, random: &mut Random) -> Vec<usize> {
-        let blocks = self.misfits[0].len();
-        // A log with nothing to compare has the file's vehicle.
-        let mut resample = || -> Vec<usize> {
-            (0..blocks).map(|_| ((random.uniform() * blocks as f64) as usize).min(blocks - 1)).collect()
-        };
-        (0..count).map(|_| self.ranked(&resample())[0]).collect()
-    }
-
-    /// The next generation.
-    fn next(&self, random: &mut Random) -> Vec<Candidate> {
-        let parents = self.best_of_resampled(BEST, random);
-        let mut best = self.ranked_on_log();
-        best.truncate(BEST);
-        best.extend(&parents);
-        let middle: Candidate = std::array::from_fn(|i| {
-            best.iter().map(|&place| self.candidates[place][i]).sum::<f64>() / best.len() as f64
-        });
-        let born = |number: usize| {
-            // A sum of the distances from their mean has their covariance.
-            let mut child = self.candidates[parents[number % BEST]];
-            for &place in &best {
-                let by = normal(random) / (best.len() as f64).sqrt();
-                child
-                    .iter_mut()
-                    .zip(&self.candidates[place])
-                    .zip(&middle)
-                    .for_each(|((to, of), mean)| *to += by * (of - mean));
-            }
-            let most = [1.0, 1.0, 1.0, DEVIATIONS, DEVIATIONS];
-            std::array::from_fn(|i| child[i].clamp(-most[i], most[i]))
-        };
-        (0..LATER).map(born).collect()
-    }
-}
-
-/// A number of about the normal distribution.
-fn normal(random: &mut Random) -> f64 {
-    (0..12).map(|_| random.uniform() - 0.5).sum()
+/// A candidate: factors on front and rear stiffness, payload in kg, actuator.
+struct PlantCandidate {
+    stiffness: [f64; 2],
+    payload: f64,
+    actuator: Actuator,
 }
 
 /// Plants about a vehicle that explain the samples, one for each drive: the best on resampled logs, each as often as it is
@@ -178,38 +81,45 @@ pub fn explaining_plants<P: Compared<S, C>, const S: usize, const C: usize>(
     [seed, threads]: [u64; 2],
 ) -> Result<ExplainingPlants<P, S, C>, SingleTrackError> {
     let mut random = Random::stream(seed, 37);
-    let mut family = Family { shown, mass, candidates: vec![], misfits: vec![] };
-    for generation in 0..=GENERATIONS {
-        let born = if generation == 0 {
+    let candidates: Vec<PlantCandidate> = (0..CANDIDATES)
+        .map(|number| {
             // The first is the file's vehicle.
-            let mut drawn = vec![Candidate::default(); FIRST];
-            for candidate in &mut drawn[1..] {
-                let uniform = [(); 3].map(|()| random.between(-1.0, 1.0));
-                let normal = [(); 2].map(|()| normal(&mut random));
-                *candidate = [uniform[0], uniform[1], uniform[2], normal[0], normal[1]];
-            }
-            drawn
-        } else {
-            family.next(&mut random)
+            let share = f64::from(u8::from(number > 0));
+            let mut between =
+                |(low, high): (f64, f64)| 1.0 + share * (low * (high / low).powf(random.uniform()) - 1.0);
+            let stiffness = [between(STIFFNESS), between(STIFFNESS)];
+            let payload = share * PAYLOAD * mass * (2.0 * random.uniform() - 1.0).max(0.0);
+            let mut normal = || share * (0..12).map(|_| random.uniform() - 0.5).sum::<f64>();
+            let of_parts = shown.prior.dead_time_spread.max(shown.prior.lag_spread);
+            let actuator =
+                actuator_about(&shown.prior.actuator, [shown.spread, of_parts], [normal(), normal()]);
+            PlantCandidate { stiffness, payload, actuator }
+        })
+        .collect();
+    let misfits = parallel::map(parallel::threads(threads as usize), CANDIDATES, |i| {
+        let candidate = &candidates[i];
+        data.misfit(&loaded(candidate.stiffness, candidate.payload), &candidate.actuator)
+    });
+    let misfits: Vec<Vec<BlockMisfit>> = misfits.into_iter().collect::<Result<_, _>>()?;
+    let blocks = misfits[0].len();
+    let best_on = |sample: &[usize]| {
+        let score = |of: &[BlockMisfit]| {
+            let sum = |o: usize| sample.iter().map(|&block| of[block].squares[o]).sum::<f64>();
+            sum(0).max(f64::MIN_POSITIVE).ln() + sum(1).max(f64::MIN_POSITIVE).ln()
         };
-        let misfits = parallel::map(parallel::threads(threads as usize), born.len(), |i| {
-            let (stiffness, payload, actuator) = family.values(&born[i]);
-            data.misfit(&loaded(stiffness, payload), &actuator)
-        });
-        family.candidates.extend(born);
-        family.misfits.extend(misfits.into_iter().collect::<Result<Vec<_>, _>>()?);
-    }
-    let chosen = family.best_of_resampled(DRIVES, &mut random);
-    let at_border =
-        |&&place: &&usize| family.candidates[place][..2].iter().any(|share| share.abs() > 1.0 - BORDER);
-    let nominal = root_mean_square(&data.misfit(&loaded([1.0; 2], 0.0), &Actuator::default())?);
-    let best = root_mean_square(&family.misfits[family.ranked_on_log()[0]]);
-    let misfit = PlantMisfit {
-        left: std::array::from_fn(|o| if nominal[o] > 0.0 { best[o] / nominal[o] } else { 1.0 }),
-        at_border: 2 * chosen.iter().filter(at_border).count() > DRIVES,
+        let scores: Vec<f64> = misfits.iter().map(|misfit| score(misfit)).collect();
+        (0..CANDIDATES).min_by(|&a, &b| scores[a].total_cmp(&scores[b])).unwrap_or(0)
     };
-    let of = |&place: &usize| plant(vehicle, data.config(), family.values(&family.candidates[place]));
-    Ok(ExplainingPlants { plants: chosen.iter().map(of).collect(), misfit })
+    // A log with nothing to compare has the file's vehicle.
+    let mut resampled = || -> Vec<usize> {
+        (0..blocks).map(|_| ((random.uniform() * blocks as f64) as usize).min(blocks - 1)).collect()
+    };
+    let chosen: Vec<usize> = (0..DRIVES).map(|_| best_on(&resampled())).collect();
+    let nominal = root_mean_square(&data.misfit(&loaded([1.0; 2], 0.0), &Actuator::default())?);
+    let best = root_mean_square(&misfits[best_on(&(0..blocks).collect::<Vec<_>>())]);
+    let left = std::array::from_fn(|o| if nominal[o] > 0.0 { best[o] / nominal[o] } else { 1.0 });
+    let plants = chosen.into_iter().map(|place| plant(vehicle, data.config(), &candidates[place])).collect();
+    Ok(ExplainingPlants { plants, misfit: PlantMisfit { left } })
 }
 
 /// Over all blocks.
@@ -221,8 +131,9 @@ fn root_mean_square(blocks: &[BlockMisfit]) -> [f64; RATES] {
 fn plant<P: Compared<S, C>, const S: usize, const C: usize>(
     vehicle: &P::Parameters,
     told: &DataConfig,
-    (stiffness, payload, actuator): ([f64; 2], f64, Actuator),
+    candidate: &PlantCandidate,
 ) -> ExplainedPlant<P, S, C> {
+    let PlantCandidate { stiffness, payload, actuator } = candidate;
     let mut vehicle = vehicle.clone();
     for parameter in P::Parameters::TABLE {
         match parameter.name {
@@ -247,7 +158,7 @@ fn plant<P: Compared<S, C>, const S: usize, const C: usize>(
         "stiffness {:.2}/{:.2}, payload {payload:.0} kg, dead time {:.3} s, lag {:.3} s",
         stiffness[0], stiffness[1], actuator.dead_time, actuator.time_constant
     );
-    ExplainedPlant { name, vehicle, effects, actuator }
+    ExplainedPlant { name, vehicle, effects, actuator: *actuator }
 }
 
 #[cfg(test)]
@@ -256,16 +167,13 @@ mod tests {
 
     #[test]
     fn a_plant_that_leaves_what_a_model_explains_does_not_explain_the_logs() {
-        let explains = |plant: f64, model: f64| {
-            PlantMisfit { left: [plant; RATES], at_border: false }.explains([model; RATES])
-        };
+        let explains = |plant: f64, model: f64| PlantMisfit { left: [plant; RATES] }.explains([model; RATES]);
         assert!(explains(0.02, 0.03) && explains(0.05, 0.03));
         assert!(!explains(0.13, 0.04) && !explains(0.9, 0.2));
         // Noise, of which neither explains anything.
         assert!(explains(0.99, 0.9) && explains(1.0, 0.6));
         // One rate explained for the other.
-        let misfit = PlantMisfit { left: [0.05, 0.9], at_border: false };
+        let misfit = PlantMisfit { left: [0.05, 0.9] };
         assert!(!misfit.explains([0.02, 0.02]) && misfit.explains([0.05, 0.5]));
-        assert!(!PlantMisfit { left: [0.02; RATES], at_border: true }.explains([0.03; RATES]));
     }
 }
