@@ -173,7 +173,7 @@ fn falls_of(
             let to = places.get(next).copied().unwrap_or(span.end);
             let mut run = (from..to).filter(|&place| values[place] == value);
             let Some(first) = run.next() else { continue };
-            let run = first..run.last().unwrap_or(first) + 1;
+            let run = first..run.next_back().unwrap_or(first) + 1;
             let (before, after) = (next.checked_sub(1).map(|last| way[last]), way.get(next).copied());
             let is_end = before.is_none() || after.is_none();
             let Some((before, after)) = before.or(after).zip(after.or(before)) else { continue };

@@ -155,9 +155,7 @@ fn decimal(rows: &[Line], delimiter: u8) -> Decimal {
         |field: &String| field.split_once(',').is_some_and(|(_, part)| delimiter != b',' || part.len() != 3);
     if values().any(is_decimal) && (delimiter != b',' || !points()) {
         Decimal::Comma
-    } else if delimiter == b',' {
-        Decimal::Point
-    } else if points() {
+    } else if delimiter == b',' || points() {
         Decimal::Point
     } else {
         Decimal::Unknown

@@ -106,7 +106,7 @@ fn in_figures(text: &str) -> Option<String> {
     let (month, rest) = rest.split_once(['-', '/', '.', ' '])?;
     let day: u8 = day.parse().ok()?;
     let is_month = |name: &&str| month.eq_ignore_ascii_case(name) || month.eq_ignore_ascii_case(&name[..3]);
-    let month = 1 + MONTHS.iter().position(|name| is_month(&name))?;
+    let month = 1 + MONTHS.iter().position(is_month)?;
     let (year, time) = rest.split_at_checked(4)?;
     let time = time.strip_prefix(['T', ' '])?;
     Some(format!("{year}-{month:02}-{day:02}T{}", time.trim_start()))

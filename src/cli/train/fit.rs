@@ -15,15 +15,23 @@ pub(in crate::cli) fn followed_by(bar: &Bar) -> impl Fn(Progress) + Sync {
     }
 }
 
-/// Trains a residual and prints its fit, under a header if it is the first; gives it, the share of the states' one-step errors
-/// that it leaves, on samples held out where there are any, and its fit as JSON.
+/// A residual with its fit.
+pub(super) struct Learned<V: LateralVehicle<S>, const S: usize> {
+    pub model: ResidualModelFor<V, S>,
+    /// Share of the states' one-step errors that it leaves, on samples held out where there are any.
+    pub left: [f64; S],
+    /// The fit as JSON.
+    pub said: Value,
+}
+
+/// Trains a residual and prints its fit, under a header if it is the first.
 pub(super) fn learn<V: LateralVehicle<S>, const S: usize>(
     data: &DataSet<V, S>,
     test: Option<&DataSet<V, S>>,
     config: &TrainConfig,
     bar: &Bar,
     first: bool,
-) -> Result<(ResidualModelFor<V, S>, [f64; S], Value), Box<dyn Error>> {
+) -> Result<Learned<V, S>, Box<dyn Error>> {
     let kind = config.kind;
     let trained =
         train(data, test, config, &followed_by(bar)).map_err(|error| format!("{}: {error}", kind.name()))?;
@@ -45,7 +53,7 @@ pub(super) fn learn<V: LateralVehicle<S>, const S: usize>(
     });
     let FitErrors { rmse, nominal_rmse, .. } = report.held_out.as_ref().unwrap_or(&report.train);
     let left = std::array::from_fn(|i| if nominal_rmse[i] > 0.0 { rmse[i] / nominal_rmse[i] } else { 1.0 });
-    Ok((trained.model, left, said))
+    Ok(Learned { model: trained.model, left, said })
 }
 
 /// States of any vehicle that we know, with their units.

@@ -285,7 +285,7 @@ where
     ) -> Result<(Value, Option<NotBetter>), Box<dyn Error>> {
         let (args, mut refused) = (self.args, None);
         let config = args.tuning.config(kind, args.all.is_some(), self.window, self.prior);
-        let (model, left, mut said) =
+        let fit::Learned { model, left, mut said } =
             fit::learn(&self.logs.data, self.logs.test.as_ref(), &config, bar, first)?;
         if let Some(determined) = said["determined"].as_f64() {
             say!(
