@@ -224,8 +224,9 @@ mod tests {
 
     #[test]
     fn what_passes_the_value_or_rests_there_is_no_fall() {
-        let wave =
-            |row: usize| if row % 25 == 0 { 0.0 } else { (std::f64::consts::TAU * row as f64 / 50.0).sin() };
+        let wave = |row: usize| {
+            if row.is_multiple_of(25) { 0.0 } else { (std::f64::consts::TAU * row as f64 / 50.0).sin() }
+        };
         let wave: Vec<f64> = (0..2000).map(wave).collect();
         assert!(found(&wave).is_empty());
         let standing: Vec<f64> = (0..2000).map(|row| if row % 200 < 6 { 0.0 } else { speed(row) }).collect();
