@@ -1,6 +1,6 @@
 //! `RflMpc`: the car's controller as an FMU.
 
-use super::controller::{ControllerFmu, ControllerInput, ControllerUnit, ParameterValues, TOLD_OF_A_BODY};
+use super::controller::{ControllerFmu, ControllerInput, ControllerUnit, TOLD_OF_A_BODY};
 use crate::control::{ControllerParameters, NominalVehicle, SHOWN_HORIZON};
 use crate::nominal::ERRORS;
 use crate::vehicle::CarParameters;
@@ -21,20 +21,5 @@ impl ControllerUnit<ERRORS> for NominalVehicle {
 
     fn of_file(car: &CarParameters) -> ControllerParameters {
         ControllerParameters::for_car(car)
-    }
-
-    fn groups(parameters: &mut ControllerParameters) -> Vec<&mut dyn ParameterValues> {
-        let ControllerParameters {
-            vehicle,
-            mpc,
-            speed,
-            longitudinal,
-            observer,
-            actuator,
-            nmpc,
-            guard,
-            axles: _,
-        } = parameters;
-        vec![vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard]
     }
 }

@@ -1,6 +1,6 @@
 //! `TruckRflMpc`: the truck's controller as an FMU.
 
-use super::controller::{ControllerFmu, ControllerInput, ControllerUnit, ParameterValues, TOLD_OF_A_BODY};
+use super::controller::{ControllerFmu, ControllerInput, ControllerUnit, TOLD_OF_A_BODY};
 use crate::control::{NominalTruck, TRUCK_STATES, TruckControllerParameters};
 use crate::signal;
 use crate::vehicle::TruckParameters;
@@ -37,20 +37,5 @@ impl ControllerUnit<TRUCK_STATES> for NominalTruck {
 
     fn of_file(truck: &TruckParameters) -> TruckControllerParameters {
         TruckControllerParameters::for_truck(truck)
-    }
-
-    fn groups(parameters: &mut TruckControllerParameters) -> Vec<&mut dyn ParameterValues> {
-        let TruckControllerParameters {
-            vehicle,
-            mpc,
-            speed,
-            longitudinal,
-            observer,
-            actuator,
-            nmpc,
-            guard,
-            axles: _,
-        } = parameters;
-        vec![vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard]
     }
 }

@@ -44,7 +44,7 @@ impl<G: ParameterGroup> ParameterValues for G {
 }
 
 /// The parameters of a kind of vehicle with `S` states, as its controller's FMU needs them.
-pub trait ControllerUnit<const S: usize>: ControlledParameters<S> + Send + 'static {
+pub trait ControllerUnit<const S: usize>: ControlledParameters<S> + ParameterGroup + Send + 'static {
     /// FMI `modelName`.
     const NAME: &'static str;
     /// One sentence.
@@ -69,5 +69,18 @@ pub trait ControllerUnit<const S: usize>: ControlledParameters<S> + Send + 'stat
     /// The parameters for a vehicle.
     fn of_file(file: &Self::File) -> ControllerParametersFor<Self>;
     /// The groups that a user sets, in the order of the FMU's variables.
-    fn groups(parameters: &mut ControllerParametersFor<Self>) -> Vec<&mut dyn ParameterValues>;
+    fn groups(parameters: &mut ControllerParametersFor<Self>) -> Vec<&mut dyn ParameterValues> {
+        let ControllerParametersFor {
+            vehicle,
+            mpc,
+            speed,
+            longitudinal,
+            observer,
+            actuator,
+            nmpc,
+            guard,
+            axles: _,
+        } = parameters;
+        vec![vehicle, mpc, speed, longitudinal, observer, actuator, nmpc, guard]
+    }
 }
