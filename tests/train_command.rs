@@ -9,15 +9,20 @@ use std::path::Path;
 use std::process::Output;
 use std::sync::LazyLock;
 
+const SLOW: [&str; 4] = ["--set", "effect.steer_lag=0.1", "--set", "effect.steer_delay=0.06"];
+
 /// A folder with a drive of the nominal controller on a short road, `drive_1.csv`.
 static COLLECTED: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
-    let road = road();
-    let slow = ["--set", "effect.steer_lag=0.1", "--set", "effect.steer_delay=0.06"];
-    let arguments = ["collect", "--quiet", "--runs", "1", "--out", ".", "--path", &road];
-    done(&rfl(folder.path(), &[&arguments[..], &slow].concat()));
+    collect(folder.path(), &SLOW);
     folder
 });
+
+fn collect(folder: &Path, more: &[&str]) {
+    let road = road();
+    let arguments = ["collect", "--quiet", "--runs", "1", "--out", ".", "--path", &road];
+    done(&rfl(folder, &[&arguments[..], more].concat()));
+}
 
 /// The collected log.
 fn collected() -> DriveTable {
@@ -89,9 +94,8 @@ fn a_log_gives_a_model_that_fits_and_drives_better() {
     }
     let road = road();
     let mean = |more: &[&str]| {
-        let slow =
-            ["--set", "effect.steer_lag=0.1", "--set", "effect.steer_delay=0.06", "--json", "drive.json"];
-        done(&rfl(folder.path(), &[&["drive", "--quiet", "--path", &road], &slow[..], more].concat()));
+        let drive = ["drive", "--quiet", "--path", &road, "--json", "drive.json"];
+        done(&rfl(folder.path(), &[&drive[..], &SLOW, more].concat()));
         json(&folder.path().join("drive.json"))["tracking"]["mae"].as_f64().unwrap()
     };
     let (nominal, learned) = (mean(&[]), mean(&["--variant", "rfl_s"]));
@@ -100,6 +104,21 @@ fn a_log_gives_a_model_that_fits_and_drives_better() {
         ["--variant", "actuator", "--set", "actuator.dead_time=0.06", "--set", "actuator.time_constant=0.15"];
     // The default finds the actuator as it drives: to be told is worth little more.
     assert!(mean(&actuator) < 1.1 * nominal);
+}
+
+#[test]
+fn a_model_of_a_vehicle_far_from_its_file_is_proven_on_other_plants_of_its_kind() {
+    let folder = tempfile::tempdir().unwrap();
+    let soft = ["--set", "effect.tyre_stiffness_front=0.4", "--set", "effect.tyre_stiffness_rear=0.4"];
+    collect(folder.path(), &[&SLOW[..], &soft].concat());
+    let proven = ["train", "drive_1.csv", "--quiet", "--json", "fit.json"];
+    let said = done(&rfl(folder.path(), &proven));
+    let at = said.find("no plant close to the vehicle's file explains the logs").expect(&said);
+    assert!(said[at..].contains("proof: 16 drives"), "{said}");
+    let fit = json(&folder.path().join("fit.json"));
+    assert_eq!(fit["models"][0]["proven"], Value::from(true), "{said}");
+    let left = |o: usize| fit["models"][0]["proof"]["plants"]["left"][o].as_f64().unwrap();
+    assert!(left(0) < 0.1 && left(1) < 0.1, "{said}");
 }
 
 #[test]

@@ -228,7 +228,7 @@ struct Trainer<'a, P: Commanded<S, C>, const S: usize, const C: usize> {
     parameters: ControllerParametersFor<P::Nominal>,
     prior: Option<CommandPrior>,
     window: usize,
-    prover: Option<Prover<P, S, C>>,
+    prover: Option<Prover<'a, P, S, C>>,
 }
 
 impl<'a, P, const S: usize, const C: usize> Trainer<'a, P, S, C>
@@ -246,7 +246,7 @@ where
         let window = prior.map_or(least, |prior| prior.window(logs.data.sample_time(), least));
         let prover = shown
             .filter(|_| args.all.is_none() && !args.no_proof && args.kind.residual().is_some())
-            .map(|shown| Prover::<P, S, C>::new(args, &logs.data, &shown, parameters))
+            .map(|shown| Prover::new(args, &logs.data, &shown, parameters))
             .transpose()?;
         Ok(Self { args, logs, parameters, prior, window, prover })
     }
@@ -295,7 +295,7 @@ where
         }
         let model = Arc::new(model);
         if let Some(prover) = &self.prover {
-            let (proof, verdict) = prover.prove(&model, &left, args)?;
+            let (proof, verdict) = prover.prove(&model, &left)?;
             said["proof"] = proof;
             said["proven"] = json!(verdict.is_ok());
             match verdict {

@@ -9,34 +9,73 @@ use crate::control::{
     Residual, RollOut,
 };
 use crate::residual::{DataSet, ResidualModelFor, ShownActuator};
-use crate::simulate::prove::{Contest, Exam, ExplainingPlants, NotBetter, PlantMisfit, explaining_plants};
+use crate::simulate::prove::{Contest, Exam, ExplainingPlants, NotBetter, PlantRange, explaining_plants};
 use serde_json::{Value, json};
 use std::error::Error;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 /// Proves models in closed loop.
-pub(super) struct Prover<P: Commanded<S, C>, const S: usize, const C: usize> {
-    exam: Mutex<Exam<P, S, C>>,
-    misfit: PlantMisfit,
+pub(super) struct Prover<'a, P: Commanded<S, C>, const S: usize, const C: usize> {
+    args: &'a TrainArgs,
+    data: &'a DataSet<VehicleLinearModel<P, S, C>, S>,
+    shown: ShownActuator,
+    controller: ControllerParametersFor<P::Nominal>,
+    vehicle: P::Parameters,
 }
 
-impl<P, const S: usize, const C: usize> Prover<P, S, C>
+impl<'a, P, const S: usize, const C: usize> Prover<'a, P, S, C>
 where
     P: Commanded<S, C, Effects: Sync, Nominal: Sync>,
 {
     pub fn new(
-        args: &TrainArgs,
-        data: &DataSet<VehicleLinearModel<P, S, C>, S>,
+        args: &'a TrainArgs,
+        data: &'a DataSet<VehicleLinearModel<P, S, C>, S>,
         shown: &ShownActuator,
         controller: ControllerParametersFor<P::Nominal>,
     ) -> Result<Self, Box<dyn Error>> {
-        let vehicle: P::Parameters = vehicle_named(&args.vehicle)?;
-        let nominal = controller.vehicle.nominal();
+        Ok(Self { args, data, shown: *shown, controller, vehicle: vehicle_named(&args.vehicle)? })
+    }
+
+    /// Drives with a model that leaves such shares of the states' one-step errors, and the verdict.
+    pub fn prove(
+        &self,
+        model: &Arc<ResidualModelFor<VehicleLinearModel<P, S, C>, S>>,
+        left: &[f64; S],
+    ) -> Result<(Value, Result<(), NotBetter>), Box<dyn Error>> {
+        let left = [left[1], left[3]];
+        let close = self.explaining(PlantRange::OF_THE_FILE)?;
+        let (value, verdict) = self.drive(model, &close)?;
+        let Err(reason) = verdict else { return Ok((value, verdict)) };
+        if matches!(reason, NotBetter::Lost { .. }) || close.misfit.explains(left) {
+            return Ok((value, Err(reason)));
+        }
+        // On a plant of another kind the model is worse for a reason that the vehicle does not have.
+        let others = self.explaining(PlantRange::OF_THE_KIND)?;
+        if !others.misfit.explains(left) {
+            return Ok((value, Err(NotBetter::Unexplained { plants: others.misfit, model: left })));
+        }
+        say!(
+            "proof: no plant close to the vehicle's file explains the logs; others do, and are driven instead"
+        );
+        self.drive(model, &others)
+    }
+
+    /// Plants of a range that explain the logs.
+    fn explaining(&self, range: PlantRange) -> Result<ExplainingPlants<P, S, C>, Box<dyn Error>> {
+        let nominal = self.controller.vehicle.nominal();
         let mass = P::mass(&nominal);
         let loaded = |stiffness, payload| P::loaded(nominal, stiffness, payload);
-        let (seed, threads) = (args.tuning.seed, args.tuning.threads);
-        let ExplainingPlants { plants, misfit } =
-            explaining_plants::<P, S, C>(data, shown, &vehicle, mass, &loaded, [seed, threads as u64])?;
+        let numbers = [self.args.tuning.seed, self.args.tuning.threads as u64];
+        Ok(explaining_plants(self.data, &self.shown, &self.vehicle, range, mass, &loaded, numbers)?)
+    }
+
+    /// Drives of plants without the model and with it, and the verdict.
+    fn drive(
+        &self,
+        model: &Arc<ResidualModelFor<VehicleLinearModel<P, S, C>, S>>,
+        plants: &ExplainingPlants<P, S, C>,
+    ) -> Result<(Value, Result<(), NotBetter>), Box<dyn Error>> {
+        let (args, controller) = (self.args, self.controller);
         let default = Choice {
             variant: ControlVariant::Adaptive,
             file: None,
@@ -45,21 +84,11 @@ where
             roll_out: RollOut::Corrected,
         };
         let default = default.prediction_model(&controller)?.1;
-        let contest = Contest { vehicle, controller, default };
+        let contest = Contest { vehicle: self.vehicle.clone(), controller, default };
         let bar = progress_bar("default controller", 1.0, args.quiet);
-        let exam = Exam::new(&contest, &plants, seed, threads, &|| bar.step())?;
+        let (seed, threads) = (args.tuning.seed, args.tuning.threads);
+        let mut exam = Exam::new(&contest, &plants.plants, seed, threads, &|| bar.step())?;
         bar.finish_and_clear();
-        Ok(Self { exam: Mutex::new(exam), misfit })
-    }
-
-    /// Drives with a model that leaves such shares of the states' one-step errors, and the verdict.
-    pub fn prove(
-        &self,
-        model: &Arc<ResidualModelFor<VehicleLinearModel<P, S, C>, S>>,
-        left: &[f64; S],
-        args: &TrainArgs,
-    ) -> Result<(Value, Result<(), NotBetter>), Box<dyn Error>> {
-        let mut exam = self.exam.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let bar = progress_bar("proving", exam.len() as f64, args.quiet);
         let residual = Residual {
             model: model.clone(),
@@ -81,16 +110,9 @@ where
             1e3 * default.max,
             default.lost
         );
-        let left = [left[1], left[3]];
-        // On a plant of another kind the model is worse for a reason that the vehicle does not have.
-        let verdict = proof.check().map_err(|reason| match reason {
-            NotBetter::Lost { .. } => reason,
-            _ if self.misfit.explains(left) => reason,
-            _ => NotBetter::Unexplained { plants: self.misfit, model: left },
-        });
         let value = json!({
-            "default": default, "learned": learned, "change": change, "plants": self.misfit, "drives": proof.drives,
+            "default": default, "learned": learned, "change": change, "plants": plants.misfit, "drives": proof.drives,
         });
-        Ok((value, verdict))
+        Ok((value, proof.check()))
     }
 }

@@ -1,5 +1,11 @@
 //! Plants that explain a log equally well: candidates about the vehicle's file, drawn by a bootstrap over the log's
 //! blocks.
+//!
+//! A vehicle is close to its file: one generation of candidates fills the range of a file's errors. Where none of them explains
+//! the logs, candidates narrow down from the range of all vehicles of the kind. Those of each later generation lie about the
+//! best on resampled logs, as far from them and in the directions in which the best of all lie apart.
+//!
+//! Source: Rubinstein and Kroese, The Cross-Entropy Method, 2004, ch. 5.
 
 use super::{DRIVES, actuator_about};
 use crate::nominal::{Actuator, SingleTrackError};
@@ -9,15 +15,37 @@ use crate::simulate::experiment::{Compared, NominalOf};
 use crate::vehicle::VehicleParameters as _;
 use serde::Serialize;
 
-/// Candidates.
-const CANDIDATES: usize = 96;
-/// Range of the stiffness of an axle as a factor, and of a payload as a share of the mass.
-const STIFFNESS: (f64, f64) = (0.75, 1.2);
-const PAYLOAD: f64 = 0.25;
+/// Candidates of the first generation, and of each later one.
+const FIRST: usize = 96;
+const LATER: usize = 64;
+/// Candidates that are best on the log, and as many on resampled logs, about which the next lie.
+const BEST: usize = 8;
+/// Standard deviations of the actuator's numbers.
+const DEVIATIONS: f64 = 3.0;
 /// Error over that of a model from which on most of it is systematic: three quarters of the squares.
 const SYSTEMATIC: f64 = 2.0;
 /// Outputs of a misfit: rates of the lateral error and of the yaw error.
 const RATES: usize = 2;
+
+/// Plants that are thought possible before the logs are seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlantRange {
+    /// Least and greatest stiffness of an axle as a factor.
+    stiffness: (f64, f64),
+    /// Greatest payload as a share of the mass.
+    payload: f64,
+    /// Generations of candidates after the first.
+    generations: usize,
+}
+
+impl PlantRange {
+    /// A vehicle that is built as its file says: tyres by temperature, pressure and wear, and a payload of passengers and luggage.
+    pub const OF_THE_FILE: Self = Self { stiffness: (0.75, 1.2), payload: 0.25, generations: 0 };
+    /// A vehicle of the file's kind: half the stiffness where the file has a sport tyre and the vehicle a soft winter tyre, twice the other
+    /// way round, and a fifth more; the payload of a laden van. Where the best eighth of a generation spans the next, each is two
+    /// thirds as wide in five directions.
+    pub const OF_THE_KIND: Self = Self { stiffness: (0.4, 2.0), payload: 0.5, generations: 8 };
+}
 
 /// A plant that the logs do not rule out.
 pub struct ExplainedPlant<P: Compared<S, C>, const S: usize, const C: usize> {
@@ -59,14 +87,116 @@ impl PlantMisfit {
     }
 }
 
-/// A candidate: factors on front and rear stiffness, payload in kg, actuator.
+/// A candidate: places of front and rear stiffness and of the payload in their ranges, 0 to 1, and standard deviations of the
+/// actuator's sum and parts. The file's vehicle has none.
+type Place = Option<[f64; 5]>;
+
+/// A candidate's numbers.
 struct PlantCandidate {
+    /// Factors on front and rear stiffness.
     stiffness: [f64; 2],
+    /// kg.
     payload: f64,
     actuator: Actuator,
 }
 
-/// Plants about a vehicle that explain the samples, one for each drive: the best on resampled logs, each as often as it is
+/// Candidates and their misfits.
+struct Family<'a> {
+    range: PlantRange,
+    shown: &'a ShownActuator,
+    mass: f64,
+    places: Vec<Place>,
+    misfits: Vec<Vec<BlockMisfit>>,
+}
+
+impl Family<'_> {
+    fn candidate(&self, place: &Place) -> PlantCandidate {
+        let prior = &self.shown.prior;
+        let Some([front, rear, payload, sum, parts]) = *place else {
+            return PlantCandidate { stiffness: [1.0; 2], payload: 0.0, actuator: prior.actuator };
+        };
+        let (low, high) = self.range.stiffness;
+        let factor = |share: f64| low * (high / low).powf(share);
+        let of_parts = prior.dead_time_spread.max(prior.lag_spread);
+        PlantCandidate {
+            stiffness: [factor(front), factor(rear)],
+            // As many without a payload as with one.
+            payload: self.range.payload * self.mass * (2.0 * payload - 1.0).max(0.0),
+            actuator: actuator_about(&prior.actuator, [self.shown.spread, of_parts], [sum, parts]),
+        }
+    }
+
+    /// The candidates, the best on a log of these blocks first.
+    fn ranked(&self, blocks: &[usize]) -> Vec<usize> {
+        let score = |of: &[BlockMisfit]| {
+            let sum = |o: usize| blocks.iter().map(|&block| of[block].squares[o]).sum::<f64>();
+            sum(0).max(f64::MIN_POSITIVE).ln() + sum(1).max(f64::MIN_POSITIVE).ln()
+        };
+        let scores: Vec<f64> = self.misfits.iter().map(|misfit| score(misfit)).collect();
+        let mut ranked: Vec<usize> = (0..scores.len()).collect();
+        ranked.sort_by(|&a, &b| scores[a].total_cmp(&scores[b]));
+        ranked
+    }
+
+    /// The same on the log itself.
+    fn ranked_on_log(&self) -> Vec<usize> {
+        self.ranked(&(0..self.misfits[0].len()).collect::<Vec<_>>())
+    }
+
+    /// The best on so many resampled logs.
+    fn best_of_resampled(&self, count: usize, random: &mut Random) -> Vec<usize> {
+        let blocks = self.misfits[0].len();
+        // A log with nothing to compare has the file's vehicle.
+        let mut resample = || -> Vec<usize> {
+            (0..blocks).map(|_| ((random.uniform() * blocks as f64) as usize).min(blocks - 1)).collect()
+        };
+        (0..count).map(|_| self.ranked(&resample())[0]).collect()
+    }
+
+    /// The first generation, whose first is the file's vehicle, with the actuator that the logs show.
+    fn first(random: &mut Random) -> Vec<Place> {
+        let mut born: Vec<Place> = vec![];
+        born.resize_with(FIRST, || {
+            let uniform = [(); 3].map(|()| random.uniform());
+            let normal = [(); 2].map(|()| normal(random));
+            Some([uniform[0], uniform[1], uniform[2], normal[0], normal[1]])
+        });
+        born[0] = None;
+        born
+    }
+
+    /// The next generation.
+    fn next(&self, random: &mut Random) -> Vec<Place> {
+        let of = |place: usize| self.places[place].unwrap_or([0.5, 0.5, 0.5, 0.0, 0.0]);
+        let parents = self.best_of_resampled(BEST, random);
+        let mut best = self.ranked_on_log();
+        best.truncate(BEST);
+        best.extend(&parents);
+        let middle: [f64; 5] =
+            std::array::from_fn(|i| best.iter().map(|&place| of(place)[i]).sum::<f64>() / best.len() as f64);
+        let born = |number: usize| {
+            // A sum of the distances from their mean has their covariance.
+            let mut child = of(parents[number % BEST]);
+            for &place in &best {
+                let by = normal(random) / (best.len() as f64).sqrt();
+                for ((to, of), mean) in child.iter_mut().zip(of(place)).zip(middle) {
+                    *to += by * (of - mean);
+                }
+            }
+            let [uniform, normal] = [(0.0, 1.0), (-DEVIATIONS, DEVIATIONS)];
+            let within = [uniform, uniform, uniform, normal, normal];
+            Some(std::array::from_fn(|i| child[i].clamp(within[i].0, within[i].1)))
+        };
+        (0..LATER).map(born).collect()
+    }
+}
+
+/// A number of about the normal distribution.
+fn normal(random: &mut Random) -> f64 {
+    (0..12).map(|_| random.uniform() - 0.5).sum()
+}
+
+/// Plants of a range that explain the samples, one for each drive: the best on resampled logs, each as often as it is
 /// the best. `loaded` gives the linear model of the vehicle with other stiffness and a
 /// payload in kg.
 ///
@@ -76,50 +206,28 @@ pub fn explaining_plants<P: Compared<S, C>, const S: usize, const C: usize>(
     data: &DataSet<NominalOf<P, S, C>, S>,
     shown: &ShownActuator,
     vehicle: &P::Parameters,
+    range: PlantRange,
     mass: f64,
     loaded: &(dyn Fn([f64; 2], f64) -> NominalOf<P, S, C> + Sync),
     [seed, threads]: [u64; 2],
 ) -> Result<ExplainingPlants<P, S, C>, SingleTrackError> {
     let mut random = Random::stream(seed, 37);
-    let candidates: Vec<PlantCandidate> = (0..CANDIDATES)
-        .map(|number| {
-            // The first is the file's vehicle.
-            let share = f64::from(u8::from(number > 0));
-            let mut between =
-                |(low, high): (f64, f64)| 1.0 + share * (low * (high / low).powf(random.uniform()) - 1.0);
-            let stiffness = [between(STIFFNESS), between(STIFFNESS)];
-            let payload = share * PAYLOAD * mass * (2.0 * random.uniform() - 1.0).max(0.0);
-            let mut normal = || share * (0..12).map(|_| random.uniform() - 0.5).sum::<f64>();
-            let of_parts = shown.prior.dead_time_spread.max(shown.prior.lag_spread);
-            let actuator =
-                actuator_about(&shown.prior.actuator, [shown.spread, of_parts], [normal(), normal()]);
-            PlantCandidate { stiffness, payload, actuator }
-        })
-        .collect();
-    let misfits = parallel::map(parallel::threads(threads as usize), CANDIDATES, |i| {
-        let candidate = &candidates[i];
-        data.misfit(&loaded(candidate.stiffness, candidate.payload), &candidate.actuator)
-    });
-    let misfits: Vec<Vec<BlockMisfit>> = misfits.into_iter().collect::<Result<_, _>>()?;
-    let blocks = misfits[0].len();
-    let best_on = |sample: &[usize]| {
-        let score = |of: &[BlockMisfit]| {
-            let sum = |o: usize| sample.iter().map(|&block| of[block].squares[o]).sum::<f64>();
-            sum(0).max(f64::MIN_POSITIVE).ln() + sum(1).max(f64::MIN_POSITIVE).ln()
-        };
-        let scores: Vec<f64> = misfits.iter().map(|misfit| score(misfit)).collect();
-        (0..CANDIDATES).min_by(|&a, &b| scores[a].total_cmp(&scores[b])).unwrap_or(0)
-    };
-    // A log with nothing to compare has the file's vehicle.
-    let mut resampled = || -> Vec<usize> {
-        (0..blocks).map(|_| ((random.uniform() * blocks as f64) as usize).min(blocks - 1)).collect()
-    };
-    let chosen: Vec<usize> = (0..DRIVES).map(|_| best_on(&resampled())).collect();
+    let mut family = Family { range, shown, mass, places: vec![], misfits: vec![] };
+    for generation in 0..=range.generations {
+        let born = if generation == 0 { Family::first(&mut random) } else { family.next(&mut random) };
+        let misfits = parallel::map(parallel::threads(threads as usize), born.len(), |i| {
+            let PlantCandidate { stiffness, payload, actuator } = family.candidate(&born[i]);
+            data.misfit(&loaded(stiffness, payload), &actuator)
+        });
+        family.places.extend(born);
+        family.misfits.extend(misfits.into_iter().collect::<Result<Vec<_>, _>>()?);
+    }
+    let chosen = family.best_of_resampled(DRIVES, &mut random);
     let nominal = root_mean_square(&data.misfit(&loaded([1.0; 2], 0.0), &Actuator::default())?);
-    let best = root_mean_square(&misfits[best_on(&(0..blocks).collect::<Vec<_>>())]);
+    let best = root_mean_square(&family.misfits[family.ranked_on_log()[0]]);
     let left = std::array::from_fn(|o| if nominal[o] > 0.0 { best[o] / nominal[o] } else { 1.0 });
-    let plants = chosen.into_iter().map(|place| plant(vehicle, data.config(), &candidates[place])).collect();
-    Ok(ExplainingPlants { plants, misfit: PlantMisfit { left } })
+    let of = |&place: &usize| plant(vehicle, data.config(), &family.candidate(&family.places[place]));
+    Ok(ExplainingPlants { plants: chosen.iter().map(of).collect(), misfit: PlantMisfit { left } })
 }
 
 /// Over all blocks.
