@@ -455,6 +455,54 @@ fn a_vehicle_that_leaves_the_path_slows_down_and_stops() {
     }
 }
 
+#[test]
+fn a_vehicle_that_stands_off_its_path_is_held_there() {
+    let mut controller = straight();
+    along(&mut controller, 10.0, 60);
+    let mut vx = 5.0_f64;
+    let (mut x, mut y, yaw) = (16.0, 0.0, 0.35_f64);
+    let mut stood = 0;
+    for _ in 0..800 {
+        // Straight off the road, whatever it steers; the brakes hold it at rest, with the same bits at each step.
+        let report = *controller.step(&Measurement { x, y, yaw, vx, ..Measurement::default() }).unwrap();
+        if y > 3.6 {
+            assert_eq!(
+                (report.status, report.speed_ref),
+                (ControlStatus::FarFromPath, 0.0),
+                "at {y} m, {vx} m/s"
+            );
+            assert!(report.accel_cmd < 0.0, "{}", report.accel_cmd);
+            vx = (vx + 0.02 * report.accel_cmd).max(0.0);
+        }
+        stood += u32::from(vx == 0.0);
+        (x, y) = (x + 0.02 * vx * yaw.cos(), y + 0.02 * vx * yaw.sin());
+    }
+    assert!(stood > 400, "{stood} steps");
+}
+
+/// Brakes take the grip that brings a vehicle back which turns faster than its road.
+#[test]
+fn a_car_that_comes_to_its_road_at_an_angle_is_not_braked_into_a_spin() {
+    let car = builtin("c_class").unwrap();
+    for (yaw, speed) in [(0.15, 25.0), (0.25, 18.5), (0.2, 25.0)] {
+        let path = road(&[(500.0, 0.0)]);
+        let mut parameters = ControllerParameters::for_car(&car);
+        parameters.speed.limit = 25.0;
+        let controller = Controller::new(parameters, path.clone()).unwrap();
+        let mut vehicle = Car::new(&car, &Effects::default(), None).unwrap();
+        let start = path.at(0.0);
+        vehicle.place(start.x, start.y, start.yaw + yaw, speed);
+        let mut closed = ClosedLoop::new(controller, vehicle, 0.02);
+        for step in 0..600 {
+            closed.advance().unwrap();
+            let report = closed.controller().report();
+            let at = format!("{yaw} rad, {speed} m/s, step {step}: e1 {} m, e2 {} rad", report.e1, report.e2);
+            assert!(report.e1.abs() < 4.0 && report.e2.abs() < 0.7, "{at}");
+            assert!(step < 300 || report.e1.abs() < 0.3, "{at}");
+        }
+    }
+}
+
 /// A wheel's radius or an odometer's scale is a few percent off: the poses go on faster or slower than the speed says.
 #[test]
 fn a_speed_that_is_a_few_percent_off_is_no_fault() {

@@ -37,9 +37,9 @@ struct Mass {
 }
 
 impl Mass {
-    fn advance(&mut self, accel_cmd: f64) {
+    fn advance(&mut self, accel_cmd: f64, time: f64) {
         for _ in 0..20 {
-            let step = TS / 20.0;
+            let step = time / 20.0;
             let follow = if self.lag > 0.0 { 1.0 - (-step / self.lag).exp() } else { 1.0 };
             self.drive += follow * (accel_cmd - self.drive);
             self.speed = (self.speed + (self.drive + self.slope) * step).max(0.0);
@@ -56,6 +56,8 @@ struct Drive {
     speed: SpeedParameters,
     parameters: LongitudinalParameters,
     accel_cmd: f64,
+    /// Time between steps, s.
+    elapsed: f64,
 }
 
 impl Drive {
@@ -72,7 +74,7 @@ impl Drive {
         };
         let plan = SpeedPlan::between(&path, &limits, None, true);
         let mpc = LongitudinalMpc::new(parameters, &speed, &MpcParameters::default());
-        Self { path, plan, mpc: mpc.unwrap(), mass, speed, parameters, accel_cmd: 0.0 }
+        Self { path, plan, mpc: mpc.unwrap(), mass, speed, parameters, accel_cmd: 0.0, elapsed: TS }
     }
 
     /// A step; bounds are checked in each.
@@ -83,6 +85,7 @@ impl Drive {
         let step = self.mpc.step(&LongitudinalInput {
             station,
             speed: self.mass.speed,
+            elapsed: self.elapsed,
             plan: &self.plan,
             path: &self.path,
             speed_limit,
@@ -95,7 +98,7 @@ impl Drive {
         assert!(rate <= self.parameters.accel_rate_max * (1.0 + 1e-9), "{step:?} after {}", self.accel_cmd);
         assert!(step.lag_error.abs() <= self.parameters.lag_max, "{step:?}");
         self.accel_cmd = accel_cmd;
-        self.mass.advance(accel_cmd);
+        self.mass.advance(accel_cmd, self.elapsed);
         step
     }
 }
@@ -244,6 +247,26 @@ fn a_step_allocates_nothing() {
     assert_eq!(most, Some(0));
 }
 
+/// A host whose steps are a little longer than the sample time drives as fast as the plan says.
+#[test]
+fn the_reference_point_moves_with_the_clock_of_the_host() {
+    for elapsed in [0.9 * TS, TS, 1.1 * TS] {
+        let mut drive = Drive::new(straight(600.0), 60, Mass { speed: 5.0, ..Mass::default() }, |_| {});
+        drive.elapsed = elapsed;
+        for k in 0..1500 {
+            let step = drive.step(f64::INFINITY);
+            if k > 500 && step.speed_ref > 9.9 {
+                assert!(
+                    (drive.mass.speed - step.speed_ref).abs() < 0.05,
+                    "{elapsed} s: {}",
+                    drive.mass.speed
+                );
+                assert!(drive.mpc.disturbance().abs() < 0.05, "{elapsed} s: {}", drive.mpc.disturbance());
+            }
+        }
+    }
+}
+
 #[test]
 fn what_is_no_number_holds_the_command() {
     let mut drive = Drive::new(straight(400.0), 60, Mass::default(), |_| {});
@@ -255,6 +278,7 @@ fn what_is_no_number_holds_the_command() {
         let step = drive.mpc.step(&LongitudinalInput {
             station,
             speed,
+            elapsed: drive.elapsed,
             plan: &drive.plan,
             path: &drive.path,
             speed_limit: f64::INFINITY,

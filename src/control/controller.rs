@@ -336,7 +336,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let far = report.e1.abs() > FAR_E1 || report.e2.abs() > FAR_E2;
         let previous = self.state.steer_cmd.unwrap_or(measurement.steer);
         let rolled_back = self.rolls_back(measurement.vx, elapsed);
-        self.command_speed(measurement.vx, far, stops || rolled_back, elapsed, &mut report, begin);
+        self.command_speed(measurement, far, stops || rolled_back, elapsed, &mut report, begin);
 
         let e2_rate = report.e2_rate + (measurement.yaw_rate - measured);
         let errors = ErrorState::new(report.e1, report.e1_rate, report.e2, e2_rate);

@@ -380,7 +380,10 @@ impl<V: LateralVehicle<S>, const S: usize> Guard<V, S> {
         elapsed: f64,
     ) -> OldSignals {
         let finite = are_finite(told);
-        let moves_on = (speed + (accel + state.drift) * elapsed).abs() * elapsed > MOVES;
+        // Brakes bring a vehicle to rest, and hold it there.
+        let gained = (accel + state.drift) * elapsed;
+        let speed = if accel < 0.0 { (speed.abs() + gained).max(0.0) } else { (speed + gained).abs() };
+        let moves_on = speed * elapsed > MOVES;
         let same = |signals: Range<usize>| {
             state.told.is_some_and(|before| signals.into_iter().all(|i| before[i] == told[i]))
         };

@@ -84,6 +84,8 @@ pub struct LongitudinalInput<'a> {
     pub station: f64,
     /// Its speed along the path, m/s.
     pub speed: f64,
+    /// Time since the last step, s: the reference point has moved for as long.
+    pub elapsed: f64,
     /// The plan of the speed.
     pub plan: &'a SpeedPlan,
     /// The path that it is for.
@@ -117,14 +119,14 @@ struct ReferencePoint {
 /// State of the MPC between steps: the contents of a saved state.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct LongitudinalState {
-    /// The reference point where it is to be at the next step; none before the first step.
+    /// The reference point where it is to be a sample time later; none before the first step.
     reference: Option<ReferencePoint>,
     /// Command in force.
     accel_cmd: f64,
     /// Acceleration of the drive, from the commands.
     drive: f64,
     disturbance: f64,
-    /// Speed that is expected at the next step; none before the first step.
+    /// Speed that is expected a sample time later; none before the first step.
     expected_speed: Option<f64>,
 }
 
@@ -240,11 +242,11 @@ impl LongitudinalMpc {
             };
         }
         let (reference, lag_error) = self.place_reference(input);
+        let slope = holding(input.path, input.station);
         // A vehicle that is held is no slope: while the point waits nothing is learned, or it would be unlearned later.
         if lag_error.abs() < self.parameters.lag_max && input.speed > STANDSTILL {
-            self.observe(input.speed);
+            self.observe(input, slope);
         }
-        let slope = holding(input.path, input.station);
         let start = Vector3::new(lag_error, input.speed, self.state.drive - slope);
         let next = self.predict(input, reference, &start, slope);
         let shape = &self.problem.shape;
@@ -278,9 +280,11 @@ impl LongitudinalMpc {
     }
 
     /// Learns the drive's acceleration beyond its command from the speed.
-    fn observe(&mut self, speed: f64) {
+    fn observe(&mut self, input: &LongitudinalInput<'_>, slope: f64) {
         let Some(expected) = self.state.expected_speed else { return };
-        let missed = (speed - expected) / self.sample_time;
+        let gained = self.state.drive - slope + self.state.disturbance;
+        let expected = expected + gained * (input.elapsed - self.sample_time);
+        let missed = (input.speed - expected) / input.elapsed.max(self.sample_time);
         let disturbance = self.state.disturbance + self.parameters.observer_gain * missed;
         self.state.disturbance = disturbance.clamp(-LARGEST_DISTURBANCE, LARGEST_DISTURBANCE);
     }
@@ -289,6 +293,7 @@ impl LongitudinalMpc {
     fn place_reference(&self, input: &LongitudinalInput<'_>) -> (ReferencePoint, f64) {
         let here = ReferencePoint { station: input.station, speed: input.speed.max(0.0) };
         let Some(mut reference) = self.state.reference else { return (here, 0.0) };
+        reference.station += reference.speed * (input.elapsed - self.sample_time);
         let mut lag = reference.station - input.station;
         if input.path.is_periodic() {
             let length = input.path.length();

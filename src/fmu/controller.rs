@@ -216,7 +216,7 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
         };
         running.keep_up_with(time, step, log)?;
         let Running { controller, sampler, statuses, .. } = running;
-        if !sampler.due(time, controller.parameters().mpc.sample_time) {
+        if !sampler.due(time, step, controller.parameters().mpc.sample_time) {
             return Ok(());
         }
         let mut measurement = Measurement::default();

@@ -155,7 +155,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> ClosedLoopFor<P,
         if let Some(fault) = &mut self.fault {
             fault(time, &mut seen);
         }
-        if self.sampler.due(time, sample_time) {
+        if self.sampler.due(time, self.step, sample_time) {
             let report = self
                 .controller
                 .step_at(time, &seen)

@@ -8,6 +8,7 @@ use crate::control::grip::{LEAST_SHARE, RoadAhead, beside};
 use crate::control::longitudinal::LongitudinalInput;
 use crate::control::parameters::SpeedParameters;
 use crate::control::speed::track_speed;
+use crate::control::step::Measurement;
 use crate::control::vehicle::ControlledParameters;
 use std::time::Instant;
 
@@ -36,13 +37,14 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     /// the vehicle has left it or is to stop.
     pub(super) fn command_speed(
         &mut self,
-        speed: f64,
+        seen: &Measurement,
         far: bool,
         stops: bool,
         elapsed: f64,
         report: &mut StepReport,
         begin: Instant,
     ) {
+        let speed = seen.vx;
         let time_limit = self.time_left(begin);
         let planned = self.plan.speed(report.station);
         let limit = self.speed_limit(far, planned, elapsed, report);
@@ -52,13 +54,17 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         let RoadAhead { lateral, brakes: stops_by, drives, holding } = road;
         // Brakes act against the motion, and hold a standing vehicle against either slope.
         let pull = if speed > ROLLS_BACK { -holding } else { holding.abs() };
-        let braking = (self.braking(lateral) + pull.max(0.0)).min(stops_by);
+        // Off its path a vehicle may turn faster than its road: brakes would take the grip that brings it back. A safe stop cannot
+        // count on the measured rate.
+        let turning = if stops { 0.0 } else { (speed * seen.yaw_rate).abs() };
+        let braking = (self.braking(lateral.max(turning)) + pull.max(0.0)).min(stops_by);
         let integral = self.state.speed_integral;
         let drives = drives.min(self.catching_up(lateral) + integral.max(0.0) + holding.max(0.0));
         if let Some(longitudinal) = &mut self.longitudinal {
             let step = longitudinal.step(&LongitudinalInput {
                 station: report.station,
                 speed,
+                elapsed,
                 plan: &self.plan,
                 path: &self.path,
                 speed_limit: limit,

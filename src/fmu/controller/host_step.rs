@@ -1,8 +1,8 @@
 //! The steps of a host, and the sample time that they ask of a controller.
 //!
 //! One step is no habit: a host that is late once, or whose clock trembles, changes nothing. Longer steps are those whose median over the
-//! last [`WINDOW`] is longer than the sample time by more than a [`TREMBLE`]. When all of the last [`WINDOW`] are shorter again, so is the
-//! sample time.
+//! last [`WINDOW`] is longer than the sample time by more than a [`TREMBLE`]. When all are shorter again for
+//! [`SETTLED`], so is the sample time: of steps that vary at random a few are short by chance.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,12 +10,16 @@ use serde::{Deserialize, Serialize};
 const WINDOW: usize = 6;
 /// Share of the sample time by which a step may be longer for a clock that trembles: the prediction is wrong by no more.
 const TREMBLE: f64 = 0.1;
+/// Time of shorter steps that is no chance, s.
+const SETTLED: f64 = 1.0;
 
 /// The last steps of a host, s, in a ring; as many as there were, up to [`WINDOW`].
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct HostSteps {
     ring: [f64; WINDOW],
     seen: u64,
+    /// Time for which all of the last steps were shorter than the sample time, s.
+    shorter: f64,
 }
 
 impl HostSteps {
@@ -29,9 +33,12 @@ impl HostSteps {
         sorted.sort_by(f64::total_cmp);
         let (median, longest) = (sorted[count / 2], sorted[count - 1]);
         let back = longest.max(own);
+        let are_shorter = count == WINDOW && back * (1.0 + TREMBLE) < present;
+        self.shorter = if are_shorter { self.shorter + step } else { 0.0 };
         if median > present * (1.0 + TREMBLE) {
             median
-        } else if count == WINDOW && back * (1.0 + TREMBLE) < present {
+        } else if self.shorter > SETTLED {
+            self.shorter = 0.0;
             back
         } else {
             present

@@ -22,7 +22,8 @@ impl<U: ControllerUnit<S>, const S: usize> Running<U, S> {
     pub(super) fn keep_up_with(&mut self, time: f64, step: f64, log: &mut dyn Log) -> Result<(), ModelError> {
         let (largest, own) = (largest_sample_time(), self.sample_time);
         let present = self.controller.parameters().mpc.sample_time;
-        let sample_time = self.steps.observe(step, own, present).min(largest);
+        let typical = self.steps.observe(step, own, present);
+        let sample_time = typical.min(largest);
         let too_long = Sampler::is_outpaced(step, largest) && !std::mem::replace(&mut self.told, true);
         let changes = sample_time != present;
         if changes {
@@ -35,14 +36,16 @@ impl<U: ControllerUnit<S>, const S: usize> Running<U, S> {
         }
         let is_own = sample_time == own;
         let mut severity = Severity::Info;
-        let [at, step, own, predicted, largest] = [time, step, own, sample_time, largest].map(Seconds);
+        // One step beyond every sample time is said as it is, a habit of the host by its median.
+        let longer = if too_long { step } else { typical };
+        let [at, longer, own, predicted, largest] = [time, longer, own, sample_time, largest].map(Seconds);
         let mut text = if is_own && !too_long {
             format!(
                 "t = {at}: the host's steps are as short as mpc.sample_time, {own}, again: the controller predicts with it"
             )
         } else {
             format!(
-                "t = {at}: the host's step, {step}, is longer than mpc.sample_time, {own}: the controller computes once a \
+                "t = {at}: the host's steps, {longer}, are longer than mpc.sample_time, {own}: the controller computes once a \
                  step, and predicts with a sample time of {predicted}"
             )
         };
