@@ -563,7 +563,7 @@ def said_by(done: subprocess.CompletedProcess) -> str:
 def without_advice(refused: str) -> str:
     """The reason alone: the advice that follows is for plants of ours."""
     reason = refused.removeprefix("no model is written, for it is not shown to be better than the default controller: ")
-    for advice in (". The default controller ", ". The steering is not excited", ". Correct the vehicle's file"):
+    for advice in (". The default controller ", ". The steering is not excited", ". rfl diagnose "):
         reason = reason.partition(advice)[0]
     return reason
 

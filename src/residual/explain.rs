@@ -29,11 +29,17 @@ pub struct BlockMisfit {
 }
 
 impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
-    /// One-step misfit of a vehicle behind an actuator. Steps beyond the linear range of tyres are left out.
+    /// One-step misfit of a vehicle behind an actuator and a linkage, which turns the wheels by `gain` times the angle that was commanded.
+    /// Steps beyond the linear range of tyres are left out.
     ///
     /// # Errors
     /// Vehicle parameters that are not positive.
-    pub fn misfit(&self, vehicle: &V, actuator: &Actuator) -> Result<Vec<BlockMisfit>, SingleTrackError> {
+    pub fn misfit(
+        &self,
+        vehicle: &V,
+        actuator: &Actuator,
+        gain: f64,
+    ) -> Result<Vec<BlockMisfit>, SingleTrackError> {
         let sample_time = self.config.sample_time;
         let rows = (BLOCK / sample_time).ceil() as usize;
         let mut models: BTreeMap<u32, ActuatedModel<S>> = BTreeMap::new();
@@ -41,8 +47,8 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
         let delay = sampled.delay();
         let mut blocks = vec![];
         for stretch in self.stretches() {
-            let command = |k: usize, back: usize| stretch[k.saturating_sub(back)].command;
-            let mut inner = sampled.steady(stretch.first().map_or(0.0, |row| row.command));
+            let command = |k: usize, back: usize| gain * stretch[k.saturating_sub(back)].command;
+            let mut inner = sampled.steady(command(0, 0));
             for (k, pair) in stretch.windows(2).enumerate() {
                 if k % rows == 0 {
                     blocks.push(BlockMisfit::default());

@@ -107,8 +107,8 @@ impl Coverage {
     pub fn advice(&self, car: &str, reason: &NotBetter) -> String {
         if let NotBetter::Unexplained { .. } = reason {
             return format!(
-                "Correct the vehicle's file (wheelbase, mass, tyres) and its steering (rfl identify LOG.csv --into CAR.toml); \
-                 rfl diagnose LOG.csv{car} says what the file lacks"
+                "rfl diagnose LOG.csv{car} finds what the vehicle's file lacks and leaves a corrected one: rfl train LOG.csv --vehicle \
+                 out/diagnosis/calibrated.toml. Check the file's wheelbase, mass and tyres, too"
             );
         }
         if self.shown.is_some_and(|shown| shown.is_shown()) {

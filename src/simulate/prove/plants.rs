@@ -34,17 +34,21 @@ pub struct PlantRange {
     stiffness: (f64, f64),
     /// Greatest payload as a share of the mass.
     payload: f64,
+    /// Least and greatest gain of the steering's linkage.
+    gain: (f64, f64),
     /// Generations of candidates after the first.
     generations: usize,
 }
 
 impl PlantRange {
     /// A vehicle that is built as its file says: tyres by temperature, pressure and wear, and a payload of passengers and luggage.
-    pub const OF_THE_FILE: Self = Self { stiffness: (0.75, 1.2), payload: 0.25, generations: 0 };
+    pub const OF_THE_FILE: Self =
+        Self { stiffness: (0.75, 1.2), payload: 0.25, gain: (1.0, 1.0), generations: 0 };
     /// A vehicle of the file's kind: half the stiffness where the file has a sport tyre and the vehicle a soft winter tyre, twice the other
-    /// way round, and a fifth more; the payload of a laden van. Where the best eighth of a generation spans the next, each is two
+    /// way round, and a fifth more; the payload of a laden van; another steering ratio than the file's. Where the best eighth of a generation spans the next, each is two
     /// thirds as wide in five directions.
-    pub const OF_THE_KIND: Self = Self { stiffness: (0.4, 2.0), payload: 0.5, generations: 8 };
+    pub const OF_THE_KIND: Self =
+        Self { stiffness: (0.4, 2.0), payload: 0.5, gain: (0.8, 1.25), generations: 8 };
 }
 
 /// A plant that the logs do not rule out.
@@ -87,9 +91,9 @@ impl PlantMisfit {
     }
 }
 
-/// A candidate: places of front and rear stiffness and of the payload in their ranges, 0 to 1, and standard deviations of the
+/// A candidate: places of front and rear stiffness, payload and gain in their ranges, 0 to 1, and standard deviations of the
 /// actuator's sum and parts. The file's vehicle has none.
-type Place = Option<[f64; 5]>;
+type Place = Option<[f64; 6]>;
 
 /// A candidate's numbers.
 struct PlantCandidate {
@@ -97,6 +101,8 @@ struct PlantCandidate {
     stiffness: [f64; 2],
     /// kg.
     payload: f64,
+    /// Of the linkage.
+    gain: f64,
     actuator: Actuator,
 }
 
@@ -112,16 +118,17 @@ struct Family<'a> {
 impl Family<'_> {
     fn candidate(&self, place: &Place) -> PlantCandidate {
         let prior = &self.shown.prior;
-        let Some([front, rear, payload, sum, parts]) = *place else {
-            return PlantCandidate { stiffness: [1.0; 2], payload: 0.0, actuator: prior.actuator };
+        let Some([front, rear, payload, gain, sum, parts]) = *place else {
+            return PlantCandidate { stiffness: [1.0; 2], payload: 0.0, gain: 1.0, actuator: prior.actuator };
         };
-        let (low, high) = self.range.stiffness;
-        let factor = |share: f64| low * (high / low).powf(share);
+        let factor = |(low, high): (f64, f64), share: f64| low * (high / low).powf(share);
+        let stiffness = self.range.stiffness;
         let of_parts = prior.dead_time_spread.max(prior.lag_spread);
         PlantCandidate {
-            stiffness: [factor(front), factor(rear)],
+            stiffness: [factor(stiffness, front), factor(stiffness, rear)],
             // As many without a payload as with one.
             payload: self.range.payload * self.mass * (2.0 * payload - 1.0).max(0.0),
+            gain: factor(self.range.gain, gain),
             actuator: actuator_about(&prior.actuator, [self.shown.spread, of_parts], [sum, parts]),
         }
     }
@@ -154,12 +161,14 @@ impl Family<'_> {
     }
 
     /// The first generation, whose first is the file's vehicle, with the actuator that the logs show.
-    fn first(random: &mut Random) -> Vec<Place> {
+    fn first(&self, random: &mut Random) -> Vec<Place> {
+        let has_gain = self.range.gain.0 < self.range.gain.1;
         let mut born: Vec<Place> = vec![];
         born.resize_with(FIRST, || {
             let uniform = [(); 3].map(|()| random.uniform());
             let normal = [(); 2].map(|()| normal(random));
-            Some([uniform[0], uniform[1], uniform[2], normal[0], normal[1]])
+            let gain = if has_gain { random.uniform() } else { 0.5 };
+            Some([uniform[0], uniform[1], uniform[2], gain, normal[0], normal[1]])
         });
         born[0] = None;
         born
@@ -167,12 +176,12 @@ impl Family<'_> {
 
     /// The next generation.
     fn next(&self, random: &mut Random) -> Vec<Place> {
-        let of = |place: usize| self.places[place].unwrap_or([0.5, 0.5, 0.5, 0.0, 0.0]);
+        let of = |place: usize| self.places[place].unwrap_or([0.5, 0.5, 0.5, 0.5, 0.0, 0.0]);
         let parents = self.best_of_resampled(BEST, random);
         let mut best = self.ranked_on_log();
         best.truncate(BEST);
         best.extend(&parents);
-        let middle: [f64; 5] =
+        let middle: [f64; 6] =
             std::array::from_fn(|i| best.iter().map(|&place| of(place)[i]).sum::<f64>() / best.len() as f64);
         let born = |number: usize| {
             // A sum of the distances from their mean has their covariance.
@@ -184,7 +193,7 @@ impl Family<'_> {
                 }
             }
             let [uniform, normal] = [(0.0, 1.0), (-DEVIATIONS, DEVIATIONS)];
-            let within = [uniform, uniform, uniform, normal, normal];
+            let within = [uniform, uniform, uniform, uniform, normal, normal];
             Some(std::array::from_fn(|i| child[i].clamp(within[i].0, within[i].1)))
         };
         (0..LATER).map(born).collect()
@@ -214,16 +223,16 @@ pub fn explaining_plants<P: Compared<S, C>, const S: usize, const C: usize>(
     let mut random = Random::stream(seed, 37);
     let mut family = Family { range, shown, mass, places: vec![], misfits: vec![] };
     for generation in 0..=range.generations {
-        let born = if generation == 0 { Family::first(&mut random) } else { family.next(&mut random) };
+        let born = if generation == 0 { family.first(&mut random) } else { family.next(&mut random) };
         let misfits = parallel::map(parallel::threads(threads as usize), born.len(), |i| {
-            let PlantCandidate { stiffness, payload, actuator } = family.candidate(&born[i]);
-            data.misfit(&loaded(stiffness, payload), &actuator)
+            let PlantCandidate { stiffness, payload, gain, actuator } = family.candidate(&born[i]);
+            data.misfit(&loaded(stiffness, payload), &actuator, gain)
         });
         family.places.extend(born);
         family.misfits.extend(misfits.into_iter().collect::<Result<Vec<_>, _>>()?);
     }
     let chosen = family.best_of_resampled(DRIVES, &mut random);
-    let nominal = root_mean_square(&data.misfit(&loaded([1.0; 2], 0.0), &Actuator::default())?);
+    let nominal = root_mean_square(&data.misfit(&loaded([1.0; 2], 0.0), &Actuator::default(), 1.0)?);
     let best = root_mean_square(&family.misfits[family.ranked_on_log()[0]]);
     let left = std::array::from_fn(|o| if nominal[o] > 0.0 { best[o] / nominal[o] } else { 1.0 });
     let of = |&place: &usize| plant(vehicle, data.config(), &family.candidate(&family.places[place]));
@@ -241,7 +250,7 @@ fn plant<P: Compared<S, C>, const S: usize, const C: usize>(
     told: &DataConfig,
     candidate: &PlantCandidate,
 ) -> ExplainedPlant<P, S, C> {
-    let PlantCandidate { stiffness, payload, actuator } = candidate;
+    let PlantCandidate { stiffness, payload, gain, actuator } = candidate;
     let mut vehicle = vehicle.clone();
     for parameter in P::Parameters::TABLE {
         match parameter.name {
@@ -253,7 +262,11 @@ fn plant<P: Compared<S, C>, const S: usize, const C: usize>(
         }
     }
     let mut effects = vehicle.effects().clone();
-    let values = [("tyre_stiffness_front", stiffness[0]), ("tyre_stiffness_rear", stiffness[1])];
+    let values = [
+        ("tyre_stiffness_front", stiffness[0]),
+        ("tyre_stiffness_rear", stiffness[1]),
+        ("steer_gain", *gain),
+    ];
     for (id, factor) in values {
         if let Some(value) = P::effect(&mut effects, id) {
             *value *= factor;
@@ -263,7 +276,7 @@ fn plant<P: Compared<S, C>, const S: usize, const C: usize>(
         *value += payload;
     }
     let name = format!(
-        "stiffness {:.2}/{:.2}, payload {payload:.0} kg, dead time {:.3} s, lag {:.3} s",
+        "stiffness {:.2}/{:.2}, payload {payload:.0} kg, steering gain {gain:.3}, dead time {:.3} s, lag {:.3} s",
         stiffness[0], stiffness[1], actuator.dead_time, actuator.time_constant
     );
     ExplainedPlant { name, vehicle, effects, actuator: *actuator }
