@@ -268,6 +268,16 @@ fn only_the_first_measurement_must_be_finite() {
 }
 
 #[test]
+fn a_yaw_that_holds_no_direction_counts_as_missing() {
+    let mut controller = straight();
+    let x = along(&mut controller, 10.0, 60);
+    let report = *controller.step(&Measurement { x, yaw: 1e30, vx: 5.0, ..Measurement::default() }).unwrap();
+    assert!(report.status == ControlStatus::Bridged && report.steer_cmd.abs() < 1e-3, "{report:?}");
+    let refused = straight().step(&Measurement { yaw: -1e30, ..Measurement::default() }).unwrap_err();
+    assert!(matches!(refused, StepError::NotFinite { signal: "yaw", .. }), "{refused}");
+}
+
+#[test]
 fn the_guard_goes_on_from_a_saved_state() {
     let mut controller = straight();
     let x = along(&mut controller, 10.0, 30);

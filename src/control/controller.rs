@@ -116,6 +116,8 @@ const PLANNED_SHARE: f64 = 0.5;
 
 /// Share of a sample time that the rounding of a clock may make.
 const ROUNDING: f64 = 1e-6;
+/// Yaw angle from which on a number holds no direction to a part in a million, rad.
+const LARGEST_YAW: f64 = 1e9;
 /// Lateral error beyond which there is a fault and speed is given up first: a lane's width, m.
 const FAR_E1: f64 = 3.5;
 /// Yaw error beyond which there is a fault, too, rad.
@@ -304,6 +306,9 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
     fn step_after(&mut self, measurement: &Measurement, elapsed: f64) -> Result<&StepReport, StepError> {
         let begin = Instant::now();
         let mut seen = *measurement;
+        if seen.yaw.abs() > LARGEST_YAW {
+            seen.yaw = f64::NAN;
+        }
         // Plans, predictions and commands kept are of the angle at the wheels.
         seen.steer = self.parameters.actuator.at_wheels(seen.steer);
         // The angle at the wheels is what the body answers to.

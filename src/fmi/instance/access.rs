@@ -273,7 +273,7 @@ impl<M: Model> Instance<M> {
         }
         if !std::mem::replace(&mut self.outside[vr], true) {
             let message = format!(
-                "input `{}` = {value} is outside its range {range}; it is used all the same. Check units (SI, \
+                "input `{}` = {value} is outside its range {range}; the model is given it all the same. Check units (SI, \
                  radians) and the connection. There is no further message until it is back inside.",
                 variable.name
             );
