@@ -9,6 +9,8 @@ use crate::signal::Signal;
 
 /// Time within which a status is told once, s of the simulation.
 const WHILE: f64 = 10.0;
+/// Signals of a car; a truck has more.
+const CAR_SIGNALS: usize = 6;
 
 /// When each status was last told, s, and how often it came since.
 #[derive(Debug, Clone, Default)]
@@ -39,6 +41,9 @@ impl ToldStatuses {
         let signals: Vec<&str> = bridged.map(|signal| signal.name).collect();
         if matches!(status, ControlStatus::Bridged | ControlStatus::SafeStop) && !signals.is_empty() {
             text += &format!(" ({})", signals.join(", "));
+            if signals.len() >= CAR_SIGNALS {
+                text += "; a vehicle that is held while it is asked to drive gives the same samples as dead sensors";
+            }
         }
         if more > 0 {
             text += &format!("; it came {more} times more since it was told");
@@ -74,5 +79,14 @@ mod tests {
         assert!(*severity == Severity::Warning && text.ends_with("(yaw_rate)"), "{text}");
         assert!(lines.0[2].1.ends_with("it came 249 times more since it was told"), "{:?}", lines.0[2]);
         assert!(lines.0[1].0 == Severity::Info && !lines.0[1].1.contains("yaw_rate"));
+        assert!(lines.0.iter().all(|(_, text)| !text.contains("held")), "{:?}", lines.0);
+    }
+
+    #[test]
+    fn where_nothing_is_new_the_vehicle_may_be_held() {
+        let (mut told, mut lines) = (ToldStatuses::default(), Lines::default());
+        let all = [signal::X, signal::Y, signal::YAW, signal::VX, signal::VY, signal::YAW_RATE];
+        told.tell(0.0, ControlStatus::Bridged, all.iter(), &mut lines);
+        assert!(lines.0[0].1.contains("vy, yaw_rate); a vehicle that is held"), "{:?}", lines.0);
     }
 }
