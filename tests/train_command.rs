@@ -118,7 +118,7 @@ fn a_model_of_a_vehicle_far_from_its_file_is_proven_on_other_plants_of_its_kind(
     let fit = json(&folder.path().join("fit.json"));
     assert_eq!(fit["models"][0]["proven"], Value::from(true), "{said}");
     let left = |o: usize| fit["models"][0]["proof"]["plants"]["left"][o].as_f64().unwrap();
-    assert!(left(0) < 0.1 && left(1) < 0.1, "{said}");
+    assert!(left(0) < 0.2 && left(1) < 0.2, "{} and {} are left: {said}", left(0), left(1));
 }
 
 #[test]

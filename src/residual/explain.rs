@@ -29,7 +29,8 @@ pub struct BlockMisfit {
 }
 
 impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
-    /// One-step misfit of a vehicle behind an actuator and a linkage, which turns the wheels by `gain` times the angle that was commanded.
+    /// One-step misfit of a vehicle behind an actuator and a linkage, which turns the wheels by `gain` times the angle that was commanded, and
+    /// `offset`, rad.
     /// Steps beyond the linear range of tyres are left out.
     ///
     /// # Errors
@@ -38,7 +39,7 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
         &self,
         vehicle: &V,
         actuator: &Actuator,
-        gain: f64,
+        [gain, offset]: [f64; 2],
     ) -> Result<Vec<BlockMisfit>, SingleTrackError> {
         let sample_time = self.config.sample_time;
         let rows = (BLOCK / sample_time).ceil() as usize;
@@ -47,7 +48,7 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
         let delay = sampled.delay();
         let mut blocks = vec![];
         for stretch in self.stretches() {
-            let command = |k: usize, back: usize| gain * stretch[k.saturating_sub(back)].command;
+            let command = |k: usize, back: usize| gain * stretch[k.saturating_sub(back)].command + offset;
             let mut inner = sampled.steady(command(0, 0));
             for (k, pair) in stretch.windows(2).enumerate() {
                 if k % rows == 0 {

@@ -34,8 +34,9 @@ pub struct PlantRange {
     stiffness: (f64, f64),
     /// Greatest payload as a share of the mass.
     payload: f64,
-    /// Least and greatest gain of the steering's linkage.
+    /// Least and greatest gain of the steering's linkage, and greatest offset, rad.
     gain: (f64, f64),
+    offset: f64,
     /// Generations of candidates after the first.
     generations: usize,
 }
@@ -43,12 +44,13 @@ pub struct PlantRange {
 impl PlantRange {
     /// A vehicle that is built as its file says: tyres by temperature, pressure and wear, and a payload of passengers and luggage.
     pub const OF_THE_FILE: Self =
-        Self { stiffness: (0.75, 1.2), payload: 0.25, gain: (1.0, 1.0), generations: 0 };
+        Self { stiffness: (0.75, 1.2), payload: 0.25, gain: (1.0, 1.0), offset: 0.0, generations: 0 };
     /// A vehicle of the file's kind: half the stiffness where the file has a sport tyre and the vehicle a soft winter tyre, twice the other
-    /// way round, and a fifth more; the payload of a laden van; another steering ratio than the file's. Where the best eighth of a generation spans the next, each is two
+    /// way round, and a fifth more; the payload of a laden van; another steering ratio than the file's, and wheels a degree
+    /// off. Where the best eighth of a generation spans the next, each is two
     /// thirds as wide in five directions.
     pub const OF_THE_KIND: Self =
-        Self { stiffness: (0.4, 2.0), payload: 0.5, gain: (0.8, 1.25), generations: 8 };
+        Self { stiffness: (0.4, 2.0), payload: 0.5, gain: (0.8, 1.25), offset: 0.02, generations: 8 };
 }
 
 /// A plant that the logs do not rule out.
@@ -91,9 +93,9 @@ impl PlantMisfit {
     }
 }
 
-/// A candidate: places of front and rear stiffness, payload and gain in their ranges, 0 to 1, and standard deviations of the
+/// A candidate: places of front and rear stiffness, payload, gain and offset in their ranges, 0 to 1, and standard deviations of the
 /// actuator's sum and parts. The file's vehicle has none.
-type Place = Option<[f64; 6]>;
+type Place = Option<[f64; 7]>;
 
 /// A candidate's numbers.
 struct PlantCandidate {
@@ -101,8 +103,8 @@ struct PlantCandidate {
     stiffness: [f64; 2],
     /// kg.
     payload: f64,
-    /// Of the linkage.
-    gain: f64,
+    /// Gain and offset of the linkage, the latter in rad.
+    linkage: [f64; 2],
     actuator: Actuator,
 }
 
@@ -118,8 +120,13 @@ struct Family<'a> {
 impl Family<'_> {
     fn candidate(&self, place: &Place) -> PlantCandidate {
         let prior = &self.shown.prior;
-        let Some([front, rear, payload, gain, sum, parts]) = *place else {
-            return PlantCandidate { stiffness: [1.0; 2], payload: 0.0, gain: 1.0, actuator: prior.actuator };
+        let Some([front, rear, payload, gain, offset, sum, parts]) = *place else {
+            return PlantCandidate {
+                stiffness: [1.0; 2],
+                payload: 0.0,
+                linkage: [1.0, 0.0],
+                actuator: prior.actuator,
+            };
         };
         let factor = |(low, high): (f64, f64), share: f64| low * (high / low).powf(share);
         let stiffness = self.range.stiffness;
@@ -128,7 +135,7 @@ impl Family<'_> {
             stiffness: [factor(stiffness, front), factor(stiffness, rear)],
             // As many without a payload as with one.
             payload: self.range.payload * self.mass * (2.0 * payload - 1.0).max(0.0),
-            gain: factor(self.range.gain, gain),
+            linkage: [factor(self.range.gain, gain), self.range.offset * (2.0 * offset - 1.0)],
             actuator: actuator_about(&prior.actuator, [self.shown.spread, of_parts], [sum, parts]),
         }
     }
@@ -162,13 +169,13 @@ impl Family<'_> {
 
     /// The first generation, whose first is the file's vehicle, with the actuator that the logs show.
     fn first(&self, random: &mut Random) -> Vec<Place> {
-        let has_gain = self.range.gain.0 < self.range.gain.1;
+        let has_linkage = self.range.offset > 0.0;
         let mut born: Vec<Place> = vec![];
         born.resize_with(FIRST, || {
             let uniform = [(); 3].map(|()| random.uniform());
             let normal = [(); 2].map(|()| normal(random));
-            let gain = if has_gain { random.uniform() } else { 0.5 };
-            Some([uniform[0], uniform[1], uniform[2], gain, normal[0], normal[1]])
+            let linkage = [(); 2].map(|()| if has_linkage { random.uniform() } else { 0.5 });
+            Some([uniform[0], uniform[1], uniform[2], linkage[0], linkage[1], normal[0], normal[1]])
         });
         born[0] = None;
         born
@@ -176,12 +183,12 @@ impl Family<'_> {
 
     /// The next generation.
     fn next(&self, random: &mut Random) -> Vec<Place> {
-        let of = |place: usize| self.places[place].unwrap_or([0.5, 0.5, 0.5, 0.5, 0.0, 0.0]);
+        let of = |place: usize| self.places[place].unwrap_or([0.5, 0.5, 0.5, 0.5, 0.5, 0.0, 0.0]);
         let parents = self.best_of_resampled(BEST, random);
         let mut best = self.ranked_on_log();
         best.truncate(BEST);
         best.extend(&parents);
-        let middle: [f64; 6] =
+        let middle: [f64; 7] =
             std::array::from_fn(|i| best.iter().map(|&place| of(place)[i]).sum::<f64>() / best.len() as f64);
         let born = |number: usize| {
             // A sum of the distances from their mean has their covariance.
@@ -193,7 +200,7 @@ impl Family<'_> {
                 }
             }
             let [uniform, normal] = [(0.0, 1.0), (-DEVIATIONS, DEVIATIONS)];
-            let within = [uniform, uniform, uniform, uniform, normal, normal];
+            let within = [uniform, uniform, uniform, uniform, uniform, normal, normal];
             Some(std::array::from_fn(|i| child[i].clamp(within[i].0, within[i].1)))
         };
         (0..LATER).map(born).collect()
@@ -225,14 +232,14 @@ pub fn explaining_plants<P: Compared<S, C>, const S: usize, const C: usize>(
     for generation in 0..=range.generations {
         let born = if generation == 0 { family.first(&mut random) } else { family.next(&mut random) };
         let misfits = parallel::map(parallel::threads(threads as usize), born.len(), |i| {
-            let PlantCandidate { stiffness, payload, gain, actuator } = family.candidate(&born[i]);
-            data.misfit(&loaded(stiffness, payload), &actuator, gain)
+            let PlantCandidate { stiffness, payload, linkage, actuator } = family.candidate(&born[i]);
+            data.misfit(&loaded(stiffness, payload), &actuator, linkage)
         });
         family.places.extend(born);
         family.misfits.extend(misfits.into_iter().collect::<Result<Vec<_>, _>>()?);
     }
     let chosen = family.best_of_resampled(DRIVES, &mut random);
-    let nominal = root_mean_square(&data.misfit(&loaded([1.0; 2], 0.0), &Actuator::default(), 1.0)?);
+    let nominal = root_mean_square(&data.misfit(&loaded([1.0; 2], 0.0), &Actuator::default(), [1.0, 0.0])?);
     let best = root_mean_square(&family.misfits[family.ranked_on_log()[0]]);
     let left = std::array::from_fn(|o| if nominal[o] > 0.0 { best[o] / nominal[o] } else { 1.0 });
     let of = |&place: &usize| plant(vehicle, data.config(), &family.candidate(&family.places[place]));
@@ -250,7 +257,7 @@ fn plant<P: Compared<S, C>, const S: usize, const C: usize>(
     told: &DataConfig,
     candidate: &PlantCandidate,
 ) -> ExplainedPlant<P, S, C> {
-    let PlantCandidate { stiffness, payload, gain, actuator } = candidate;
+    let PlantCandidate { stiffness, payload, linkage, actuator } = candidate;
     let mut vehicle = vehicle.clone();
     for parameter in P::Parameters::TABLE {
         match parameter.name {
@@ -265,19 +272,21 @@ fn plant<P: Compared<S, C>, const S: usize, const C: usize>(
     let values = [
         ("tyre_stiffness_front", stiffness[0]),
         ("tyre_stiffness_rear", stiffness[1]),
-        ("steer_gain", *gain),
+        ("steer_gain", linkage[0]),
     ];
     for (id, factor) in values {
         if let Some(value) = P::effect(&mut effects, id) {
             *value *= factor;
         }
     }
-    if let Some(value) = P::effect(&mut effects, "payload") {
-        *value += payload;
+    for (id, more) in [("payload", *payload), ("steer_offset", linkage[1])] {
+        if let Some(value) = P::effect(&mut effects, id) {
+            *value += more;
+        }
     }
     let name = format!(
-        "stiffness {:.2}/{:.2}, payload {payload:.0} kg, steering gain {gain:.3}, dead time {:.3} s, lag {:.3} s",
-        stiffness[0], stiffness[1], actuator.dead_time, actuator.time_constant
+        "stiffness {:.2}/{:.2}, payload {payload:.0} kg, steering gain {:.3}, offset {:.4} rad, dead time {:.3} s, lag {:.3} s",
+        stiffness[0], stiffness[1], linkage[0], linkage[1], actuator.dead_time, actuator.time_constant
     );
     ExplainedPlant { name, vehicle, effects, actuator: *actuator }
 }
