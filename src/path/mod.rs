@@ -32,7 +32,8 @@
 //! | file | idea |
 //! |---|---|
 //! | `sample.rs` | the points of a road |
-//! | `check.rs` | checks of a road's points: duplicates, gaps, closure |
+//! | `check.rs` | checks of a road's points: duplicates, gaps |
+//! | `seam.rs` | whether a road's end leads into its start |
 //! | `draw.rs` | the curve of a road whose points are checked |
 //! | `sway.rs` | roads that sway with the errors of their points |
 //! | `straight.rs` | straights that a map gives no points for |
@@ -69,6 +70,7 @@ mod quantity;
 mod random;
 mod read;
 mod sample;
+mod seam;
 mod segment;
 mod smooth;
 mod speed;
