@@ -138,8 +138,8 @@ def drive(
     """
     options = words(
         path=path, vehicle=vehicle, set=set, duration=duration, step=step, lane=lane, smooth=smooth, closed=closed,
-        open=open, controller=controller, variant=variant, residual=residual, models=models, direct=direct, require=require,
-        log=log, json=json, junit=junit, junit_name=junit_name,
+        open=open, controller=controller, variant=variant, residual=residual, models=models, direct=direct,
+        require=require, log=log, json=json, junit=junit, junit_name=junit_name,
     )  # fmt: skip
     (report, (columns, statuses)), text = call(_native.drive, options, progress=progress)
     return Drive.of(report, text, columns, statuses)
