@@ -5,7 +5,7 @@ use rfl_mpc::control::{
     TruckController, TruckControllerParameters,
 };
 use rfl_mpc::path::{Closure, Path, Sample};
-use rfl_mpc::simulate::{ClosedLoop, SensorNoise, TruckClosedLoop};
+use rfl_mpc::simulate::{ClosedLoop, End, SensorNoise, TruckClosedLoop};
 use rfl_mpc::vehicle::{BUILTIN, BUILTIN_TRUCKS, Car, Effects, Truck, TruckEffects, builtin, builtin_truck};
 use std::cell::Cell;
 use std::sync::Arc;
@@ -511,6 +511,39 @@ fn a_car_that_comes_to_its_road_at_an_angle_is_not_braked_into_a_spin() {
             assert!(step < 300 || report.e1.abs() < 0.3, "{at}");
         }
     }
+}
+
+/// A map's line: 40 m, to the left, 30 m, to the right, 40 m, tighter than a car turns. It stood there, turned by more than 1 rad.
+#[test]
+fn a_right_angle_is_driven_round_at_a_creep() {
+    for spacing in [0.5, 1.0, 2.0] {
+        let point = |k: u32| {
+            let s = f64::from(k) * spacing;
+            Sample::at(s.min(40.0) + (s - 70.0).max(0.0), (s - 40.0).clamp(0.0, 30.0))
+        };
+        let corners = (0..=(110.0 / spacing) as u32).map(point).collect();
+        let path = Arc::new(Path::from_samples(corners, Closure::Open).unwrap());
+        let car = builtin("c_class").unwrap();
+        let controller = Controller::new(ControllerParameters::for_car(&car), path).unwrap();
+        let mut closed = ClosedLoop::at_start(controller, &car, &Effects::default(), 0.02).unwrap();
+        let drive = closed.record(200.0, |_, _| true);
+        assert_eq!(drive.ending.end, End::Road, "each {spacing} m: {}", drive.ending.reason());
+    }
+}
+
+#[test]
+fn a_vehicle_that_spins_on_a_straight_road_stops() {
+    let mut controller = straight();
+    let mut stops = 0;
+    for k in 0..90 {
+        let (time, yaw) = (0.02 * f64::from(k), 0.02 * f64::from(k));
+        let (vx, vy) = (8.0 * yaw.cos(), -8.0 * yaw.sin());
+        let told = Measurement { x: 10.0 + 8.0 * time, yaw, vx, vy, yaw_rate: 1.0, ..Measurement::default() };
+        let report = *controller.step(&told).unwrap();
+        assert!(report.status != ControlStatus::FarFromPath || report.speed_ref == 0.0, "{yaw}: {report:?}");
+        stops += u32::from(report.speed_ref == 0.0);
+    }
+    assert!(stops > 30, "{stops}");
 }
 
 /// A wheel's radius or an odometer's scale is a few percent off: the poses go on faster or slower than the speed says.

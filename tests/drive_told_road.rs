@@ -146,6 +146,18 @@ fn a_drive_begins_where_it_is_set_to() {
 }
 
 #[test]
+fn the_start_of_the_help_s_example_is_beside_the_road() {
+    let folder = tempfile::tempdir().unwrap();
+    let help = text(&rfl(folder.path(), &["drive", "--help"]).stdout);
+    let example = help.lines().find(|line| line.contains("initial.y=")).expect("an example");
+    let settings = example.split("  ").find(|part| part.contains("initial.y=")).expect("its words");
+    let settings: Vec<&str> = settings.split_whitespace().skip(2).collect();
+    let (json, said) = drive(folder.path(), &[&settings[..], &["--duration", "0.5"]].concat());
+    assert!(column(folder.path(), "station")[0] < 1.0 && json["entered_lane"].is_null(), "{said}");
+    assert!((worst(&json) - 1.0).abs() < 0.05, "{said}");
+}
+
+#[test]
 fn a_straight_drive_shows_no_steering_and_is_driven_whole() {
     let folder = tempfile::tempdir().unwrap();
     let rows: String = (0..100).map(|k| format!("{},0\n", 5 * k)).collect();

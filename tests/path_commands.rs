@@ -72,6 +72,34 @@ fn a_bend_that_no_car_can_drive_is_said() {
 }
 
 #[test]
+fn a_road_is_driven_closed_or_open_as_is_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let point = |k: u32| {
+        let (sin, cos) = (f64::from(k) * 0.05).sin_cos();
+        format!("{:.6},{:.6}\n", 50.0 * cos, 50.0 * sin)
+    };
+    let ring: String = (0..125).map(point).collect();
+    std::fs::write(folder.path().join("ring.csv"), format!("x,y\n{ring}")).unwrap();
+    for (asked, length) in [(&[][..], 314.2), (&["--closed"], 314.2), (&["--open"], 310.0)] {
+        let said = done(&rfl(folder.path(), &[&["path", "ring.csv"], asked].concat()));
+        assert!(said.contains(&format!("{length:.1} m")), "{said}");
+        assert_eq!(said.contains("taken as closed (--open: it is not)"), asked.is_empty(), "{said}");
+        let short = ["drive", "--quiet", "--path", "ring.csv", "--duration", "0.1", "--json", "drive.json"];
+        done(&rfl(folder.path(), &[&short, asked].concat()));
+        let json = std::fs::read_to_string(folder.path().join("drive.json")).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+        assert!((json["length"].as_f64().unwrap() - length).abs() < 0.1, "{json}");
+    }
+}
+
+#[test]
+fn a_name_of_no_vehicle_lists_those_of_all_kinds() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = refused(&rfl(folder.path(), &["drive", "--vehicle", "truck_simulatoin"]));
+    assert!(said.contains("truck_simulation") && said.contains("c_class"), "{said}");
+}
+
+#[test]
 fn a_yard_that_a_trailer_cannot_follow_is_said() {
     let folder = tempfile::tempdir().unwrap();
     // A circle of 6 m radius: the tractor drives it, its trailer does not.
@@ -145,12 +173,13 @@ fn bad_input_is_status_1_and_bad_usage_status_2() {
     }
     let error = text(&rfl(folder.path(), &["path", "bad.csv"]).stderr);
     assert!(error.contains("bad.csv, line 3, column `y`"), "{error}");
-    let bad_usage: [&[&str]; 5] = [
+    let bad_usage: [&[&str]; 6] = [
         &[],
         &["path"],
         &["pth", "x"],
         &["course", "--route", "nowhere"],
         &["path", "x", "--open", "--closed"],
+        &["drive", "--path", "x", "--open", "--closed"],
     ];
     for arguments in bad_usage {
         assert_eq!(rfl(folder.path(), arguments).status.code(), Some(2), "{arguments:?}");

@@ -41,7 +41,8 @@ fn a_file_s_path_is_the_course() {
         let course = route.course();
         let path = Path::read(&file(route)).unwrap();
         assert_eq!(path.is_periodic(), course.closed, "{}", route.name());
-        assert!(path.notes().is_empty(), "{}: {:?}", route.name(), path.notes());
+        let others = path.notes().iter().filter(|note| !note.text.contains("taken as closed"));
+        assert_eq!(others.count(), 0, "{}: {:?}", route.name(), path.notes());
         assert!((path.length() - course.length()).abs() < 1e-3, "{}", route.name());
         let (mut worst, mut sum, mut count) = ([0.0f64; 3], 0.0, 0.0);
         let mut s = 0.0;

@@ -198,6 +198,58 @@ fn a_noisy_lap_is_closed_and_a_noisy_road_that_ends_short_of_it_is_open() {
     }
 }
 
+/// A road out, half a circle of `radius` m, and back beside it.
+fn out_and_back(way: f64, radius: f64, [spacing, noise_size]: [f64; 2], seed: &mut u64) -> Vec<Sample> {
+    let half = TAU / 2.0 * radius;
+    let count = ((2.0 * way + half) / spacing) as usize;
+    let at = |s: f64| match s {
+        s if s < way => [s, 0.0],
+        s if s < way + half => {
+            let (sin, cos) = ((s - way) / radius).sin_cos();
+            [way + radius * sin, radius * (1.0 - cos)]
+        }
+        s => [2.0 * way + half - s, 2.0 * radius],
+    };
+    let points = (0..=count).map(|k| at(k as f64 * spacing));
+    points.map(|[x, y]| Sample::at(x + noise_size * noise(seed), y + noise_size * noise(seed))).collect()
+}
+
+#[test]
+fn a_road_out_and_back_is_open_however_noisy() {
+    let mut seed = 17;
+    // The last have their ends within two spacings.
+    for (way, radius, spacing) in [(60.0, 12.0, 5.0), (200.0, 6.0, 3.0), (200.0, 6.0, 5.0), (60.0, 5.0, 5.0)]
+    {
+        for noise_size in [0.0, 0.3, 0.5, 1.0] {
+            for _ in 0..8 {
+                let points = out_and_back(way, radius, [spacing, noise_size], &mut seed);
+                let case = format!("{way} m, radius {radius} m, noise {noise_size} m each {spacing} m");
+                match Path::from_samples_with(points, &PathOptions::default()) {
+                    Ok(path) => assert!(!path.is_periodic(), "{case}: {:?}", path.notes()),
+                    Err(error) => panic!("{case}: {error}"),
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_small_noisy_lap_is_closed_and_it_is_said() {
+    let mut seed = 23;
+    let mut closed = 0;
+    for _ in 0..16 {
+        let point = |k: u32| {
+            let (sin, cos) = (f64::from(k) * TAU / 20.0).sin_cos();
+            Sample::at(9.55 * cos + 0.5 * noise(&mut seed), 9.55 * sin + 0.5 * noise(&mut seed))
+        };
+        let path = Path::from_samples_with((0..20).map(point).collect(), &PathOptions::default()).unwrap();
+        let said = path.notes().iter().any(|note| note.text.contains("taken as closed (--open"));
+        assert_eq!(said, path.is_periodic(), "{:?}", path.notes());
+        closed += u32::from(said);
+    }
+    assert!(closed >= 15, "{closed} of 16");
+}
+
 /// A receiver's points, ten a second, of a drive along the ring: it stands, speeds up, and stops again.
 fn drive(noise_size: f64, correlation: f64, seed: &mut u64) -> Vec<Sample> {
     let (mut points, mut off) = (Vec::new(), [0.0; 2]);
@@ -334,4 +386,50 @@ fn a_slalom_and_a_small_track_do_not_sway() {
         let path = Path::from_samples_with(wave(amplitude, length), &PathOptions::default()).unwrap();
         assert!(path.notes().iter().all(|note| !note.text.contains("to and fro")), "{:?}", path.notes());
     }
+}
+
+fn read(rows: &str) -> Path {
+    let text = format!("x,y\n{rows}");
+    Path::from_csv(text.as_bytes(), std::path::Path::new("road.csv"), &PathOptions::default()).unwrap()
+}
+
+#[test]
+fn a_curve_that_rings_about_a_corner_names_it() {
+    // 60 m, a corner, 60 m, another one, 60 m, in steps of 0.1 mm.
+    let corners = |turns: [f64; 2]| -> String {
+        let (mut place, mut heading) = ([0.0, 0.0], 0.0);
+        let point = |k: u32| {
+            let text = format!("{:.4},{:.4}\n", place[0], place[1]);
+            heading += match k {
+                60 => turns[0].to_radians(),
+                120 => turns[1].to_radians(),
+                _ => 0.0,
+            };
+            place = [place[0] + f64::cos(heading), place[1] + f64::sin(heading)];
+            text
+        };
+        (0..180).map(point).collect()
+    };
+    let mut named = 0;
+    for turns in [[10.0, 10.0], [10.0, -10.0], [20.0, 5.0]] {
+        let path = read(&corners(turns));
+        let words: String = path.notes().iter().map(|note| note.text.clone() + "; ").collect();
+        assert!(!words.contains("receiver"), "{turns:?}: {words}");
+        named += u32::from(words.contains("has a corner at station"));
+    }
+    assert!(named > 0);
+}
+
+#[test]
+fn a_cusp_of_exact_points_is_no_noise() {
+    // A bend of 0.15 m radius, drawn each 0.1 m in steps of 0.1 mm, which the points' rounding does not make.
+    let cusp: String = (0..400)
+        .map(|k| {
+            let s = 0.1 * f64::from(k) - 20.0;
+            format!("{s:.4},{:.4}\n", (0.3 * s * s + 0.02).sqrt())
+        })
+        .collect();
+    let path = read(&cusp);
+    assert!(path.tighter_than(0.6).is_some());
+    assert!(path.notes().iter().all(|note| !note.text.contains("noise")), "{:?}", path.notes());
 }

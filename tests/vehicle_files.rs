@@ -111,6 +111,7 @@ fn what_is_wrong_is_named_with_file_line_key_and_remedy() {
     assert!(matches!(CarParameters::read(&file), Err(VehicleError::Unreadable { .. })));
     let message = CarParameters::read(Path::new("no/such.toml")).unwrap_err().to_string();
     assert!(message.contains("no/such.toml") && message.contains("c_class"), "{message}");
+    assert!(!message.contains("truck_real"), "a car is wanted: {message}");
 }
 
 #[test]

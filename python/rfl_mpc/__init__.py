@@ -81,6 +81,8 @@ def drive(
     step: float = 0.02,
     lane: float | None = None,
     smooth: float | None = None,
+    closed: bool = False,
+    open: bool = False,
     controller: File | None = None,
     variant: str | None = None,
     residual: File | None = None,
@@ -114,6 +116,8 @@ def drive(
         True lateral error beyond which the drive is lost, m.
     smooth
         How far the path may leave the road's noisy points, RMS in m.
+    closed, open
+        The road leads from its last point to its first, or ends there. Default: as its ends lie.
     controller
         Controller file, from :func:`tune`.
     variant, residual, models, direct
@@ -133,9 +137,9 @@ def drive(
         ``lost`` or ``timed_out``. A drive that is lost raises nothing.
     """
     options = words(
-        path=path, vehicle=vehicle, set=set, duration=duration, step=step, lane=lane, smooth=smooth,
-        controller=controller, variant=variant, residual=residual, models=models, direct=direct, require=require,
-        log=log, json=json, junit=junit, junit_name=junit_name,
+        path=path, vehicle=vehicle, set=set, duration=duration, step=step, lane=lane, smooth=smooth, closed=closed,
+        open=open, controller=controller, variant=variant, residual=residual, models=models, direct=direct,
+        require=require, log=log, json=json, junit=junit, junit_name=junit_name,
     )  # fmt: skip
     (report, (columns, statuses)), text = call(_native.drive, options, progress=progress)
     return Drive.of(report, text, columns, statuses)
@@ -389,6 +393,8 @@ class Controller:
         *,
         set: Settings | None = None,
         smooth: float | None = None,
+        closed: bool = False,
+        open: bool = False,
         controller: File | None = None,
         variant: str | None = None,
         residual: File | None = None,
@@ -397,8 +403,8 @@ class Controller:
     ) -> None:
         """As :func:`drive`."""
         options = words(
-            path=path, vehicle=vehicle, set=set, smooth=smooth, controller=controller, variant=variant,
-            residual=residual, models=models, direct=direct,
+            path=path, vehicle=vehicle, set=set, smooth=smooth, closed=closed, open=open, controller=controller,
+            variant=variant, residual=residual, models=models, direct=direct,
         )  # fmt: skip
         self._controller, _ = call(_native.Controller, options)
         self._time: float | None = None

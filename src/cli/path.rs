@@ -95,11 +95,7 @@ pub fn run(args: &PathArgs) -> Result<(), Box<dyn Error>> {
     if let Some(file) = &args.write {
         check_files(&[("--write", file)], &[("FILE", &args.file)])?;
     }
-    let closure = match (args.closed, args.open) {
-        (true, _) => Closure::Closed,
-        (_, true) => Closure::Open,
-        _ => Closure::Detect,
-    };
+    let closure = closure(args.closed, args.open);
     let smoothing = args.smooth.map_or(Smoothing::AsAccurate, Smoothing::Within);
     let path = Path::named(&args.file, &PathOptions { closure, smoothing, ..args.limit.road() })?;
     let limits =
@@ -116,6 +112,15 @@ pub fn run(args: &PathArgs) -> Result<(), Box<dyn Error>> {
     }
     std::io::stdout().write_all(text.as_bytes())?;
     Ok(())
+}
+
+/// The closure that `--closed` and `--open` ask for.
+pub(super) fn closure(closed: bool, open: bool) -> Closure {
+    match (closed, open) {
+        (true, _) => Closure::Closed,
+        (_, true) => Closure::Open,
+        _ => Closure::Detect,
+    }
 }
 
 /// A warning, if a road bends more tightly than the vehicle turns.

@@ -10,7 +10,10 @@ use crate::residual::DataSet;
 use crate::residual::gp::GpConfig;
 use crate::simulate::experiment::Compared;
 use crate::simulate::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
-use crate::vehicle::{Articulated, Car, SingleTrack, Truck, VehicleParameters as VehicleFile};
+use crate::vehicle::{
+    Articulated, BUILTIN, BUILTIN_TRUCKS, Car, SingleTrack, Truck, VehicleError,
+    VehicleParameters as VehicleFile,
+};
 use serde_json::Value;
 use std::error::Error;
 use std::path::Path;
@@ -95,7 +98,17 @@ impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
 
 /// A vehicle by built-in name or file.
 pub(super) fn vehicle_named<F: VehicleFile>(name: &str) -> Result<F, Box<dyn Error>> {
-    Ok(F::named(name, |name| name.into())?)
+    Ok(F::named(name, |name| name.into()).map_err(of_any_kind)?)
+}
+
+/// The error of a name that is neither a file's nor a built-in vehicle's: its kind cannot be told, and all are possible.
+fn of_any_kind(error: VehicleError) -> VehicleError {
+    match error {
+        VehicleError::Unreadable { file, source, .. } => {
+            VehicleError::Unreadable { file, source, builtin: [BUILTIN, BUILTIN_TRUCKS].concat() }
+        }
+        other => other,
+    }
 }
 
 /// The default controller for a vehicle, with a user's settings.

@@ -10,7 +10,7 @@
 //! v <= v_plan (FAR_E1 - ahead) / (FAR_E1 - slow_e1),     ahead = |e1| + e1' * 1 s  in the direction of e1
 //! ```
 //!
-//! and to zero once a vehicle has left the path by a lane's width.
+//! and to zero once a vehicle has left the path by a lane's width, or is turned far from it.
 
 mod acceleration;
 mod host_order;
@@ -120,7 +120,7 @@ const ROUNDING: f64 = 1e-6;
 const LARGEST_YAW: f64 = 1e9;
 /// Lateral error beyond which there is a fault and speed is given up first: a lane's width, m.
 const FAR_E1: f64 = 3.5;
-/// Yaw error beyond which there is a fault, too, rad.
+/// Yaw error beyond which there is a fault, too, rad, unless the road turns by as much within the vehicle's length.
 const FAR_E2: f64 = 1.0;
 /// A vehicle beside the path aims at a parallel path this many seconds of travel away: it bounds the approach angle.
 const APPROACH_TIME: f64 = 0.2;

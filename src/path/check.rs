@@ -3,9 +3,10 @@
 use super::accuracy::Accuracy;
 use super::draw::{Outline, tightest};
 use super::error::{InputPlace, PathError};
-use super::noise::{PointNoise, middle};
+use super::noise::PointNoise;
 use super::note::Note;
 use super::sample::{Closure, PathOptions, RoadClass, Sample, Smoothing};
+use super::seam::Seam;
 use super::spline::{QuinticSpline, Vector, distance};
 use super::stops::{WIDTHS, usual_spacing, without_stops};
 use super::straight::fill;
@@ -13,11 +14,12 @@ use super::wrap_angle;
 use crate::numerics::Fnv;
 use crate::numerics::statistics::upper_median;
 use std::borrow::Cow;
+use std::f64::consts::PI;
 
 /// Distance below which a point is the same as the one before (m).
 const SAME: f64 = 1e-6;
 /// Change of direction between two chords from which on a road is out of order (rad).
-const TURNS_BACK: f64 = 2.2;
+pub(super) const TURNS_BACK: f64 = 2.2;
 /// Shortest road, and largest median spacing: beyond them the unit is another (m).
 const SHORTEST: f64 = 1.0;
 const SPACING: f64 = 500.0;
@@ -148,10 +150,15 @@ fn drawn(
     let median = median_spacing(&kept)?;
     let origin = position(&kept[0]);
     let repeated_start = kept.len() > 3 && distance(position(&kept[kept.len() - 1]), origin) < same;
-    let periodic = match options.closure {
-        Closure::Open => false,
-        Closure::Closed => true,
-        Closure::Detect => closes(&kept, repeated_start, noise, median, &mut notes),
+    let points = || kept.iter().map(position).collect::<Vec<Vector>>();
+    // A road that says itself that it is closed, or that ends elsewhere, needs no guess.
+    let (periodic, guessed) = match options.closure {
+        Closure::Open => (false, false),
+        Closure::Closed => (true, false),
+        Closure::Detect if repeated_start => {
+            (closes_where_it_began(&points(), noise, median, &mut notes), false)
+        }
+        Closure::Detect => (Seam::of(&points(), noise, median) == Seam::Smooth, true),
     };
     if periodic && repeated_start {
         kept.pop();
@@ -159,8 +166,33 @@ fn drawn(
     if periodic && kept.len() < 3 {
         return Err(PathError::TooFewPoints { place: InputPlace::default(), count: kept.len(), needed: 3 });
     }
+    if !(periodic && guessed) {
+        return traced(kept, periodic, median, (options, accuracy, noise), notes);
+    }
+    let gap = distance(position(&kept[kept.len() - 1]), origin);
+    let lies = format!("the last point lies {gap:.1} m from the first and leads into it");
+    let with = |words: &str| notes.iter().cloned().chain([Note::info(format!("{lies}: {words}"))]).collect();
+    let closed = with("taken as closed (--open: it is not)");
+    traced(kept.clone(), true, median, (options, accuracy, noise), closed).or_else(|_| {
+        // Nobody has said that it is closed.
+        let open = with("taken as open all the same, for a closed road is refused there (--closed says why)");
+        traced(kept, false, median, (options, accuracy, noise), open)
+    })
+}
+
+/// The road through points that are closed or not, of a median spacing in m.
+fn traced(
+    mut kept: Vec<(usize, Sample)>,
+    periodic: bool,
+    median: f64,
+    (options, accuracy, noise): (&PathOptions, Accuracy, Option<&PointNoise>),
+    mut notes: Vec<Note>,
+) -> Result<CheckedRoad, PathError> {
+    let origin = position(&kept[0]);
     notes.extend(fill(&mut kept, median, periodic)?);
-    refuse_turning_back(&directed(&kept, noise, periodic), periodic).map_err(|error| match noise {
+    // Noise that turns no two chords back on each other leaves the points' own directions.
+    let turning = noise.filter(|noise| noise.bend(median) * median > PI - TURNS_BACK);
+    refuse_turning_back(&directed(&kept, turning, periodic), periodic).map_err(|error| match turning {
         Some(noise) => noise.refusal("turns back on itself".into()),
         None => error,
     })?;
@@ -244,23 +276,21 @@ fn median_spacing(kept: &[(usize, Sample)]) -> Result<f64, PathError> {
     Ok(median)
 }
 
-/// True if the road leads back to its start.
-fn closes(
-    kept: &[(usize, Sample)],
-    repeated_start: bool,
+/// True if a road whose last point repeats the first is a lap.
+fn closes_where_it_began(
+    points: &[Vector],
     noise: Option<&PointNoise>,
     median: f64,
     notes: &mut Vec<Note>,
 ) -> bool {
-    let ends = if repeated_start { &kept[..kept.len() - 1] } else { kept };
-    let seam = leads_into_start(ends, noise, median);
-    if repeated_start && seam == Seam::Turns {
+    let turns = Seam::of(&points[..points.len() - 1], noise, median) == Seam::Turns;
+    if turns {
         notes.push(Note::warning(
             "the road ends where it begins, but in another direction: taken as open; closed on demand",
         ));
     }
     // Of a few points nobody knows how smooth the road is.
-    seam == Seam::Smooth || repeated_start && seam == Seam::Apart
+    !turns
 }
 
 /// Points that give the road's direction: those kept or, for noisy ones, means of them.
@@ -305,38 +335,6 @@ fn check_values(sample: &Sample, index: usize) -> Result<(), PathError> {
         }
     }
     Ok(())
-}
-
-/// How an end lies to the start.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Seam {
-    /// Far from it, or the road has too few points to tell.
-    Apart,
-    /// Near, and the road turns there as nowhere else: a figure of eight, drawn from its crossing.
-    Turns,
-    /// Near, and ahead.
-    Smooth,
-}
-
-/// Whether the end leads on into the start. Of noisy points, what is compared is means that are long against the noise.
-fn leads_into_start(kept: &[(usize, Sample)], noise: Option<&PointNoise>, median: f64) -> Seam {
-    let size = noise.map_or(1, PointNoise::stride);
-    let n = kept.len();
-    if n < 8 * size {
-        return Seam::Apart;
-    }
-    let points: Vec<Vector> = kept.iter().map(|(_, sample)| [sample.x, sample.y]).collect();
-    let mean = |from: usize| middle(points[from..from + size].iter().copied(), size);
-    let [before, end, start, after] = [n - 2 * size, n - size, 0, size].map(mean);
-    let usual = if noise.is_some() { 0.0 } else { median };
-    let local = distance(before, end).max(distance(start, after)).max(usual);
-    if distance(end, start) > 2.0 * local {
-        return Seam::Apart;
-    }
-    let turns = |[a, b, c, d]: [Vector; 4]| turn(a, b, c) + turn(b, c, d);
-    let along = (0..n / size - 3).map(|k| turns([k, k + 1, k + 2, k + 3].map(|block| mean(block * size))));
-    let most = along.fold(0.0, f64::max);
-    if turns([before, end, start, after]) < 0.5 + 1.5 * most { Seam::Smooth } else { Seam::Turns }
 }
 
 /// A note on a road that overlaps itself: a lap that was recorded a little too long.

@@ -56,7 +56,7 @@ impl Outline<'_> {
         notes.extend(wobbles.or_else(|| self.sways(&curve)).map(Note::warning));
         if let Some(noise) = self.noise {
             let tightest = tightest(&curve);
-            if tightest * TIGHTEST > 1.0 {
+            if tightest * TIGHTEST > 1.0 && tightest < noise.bend(self.spacing) {
                 return Err(noise.refusal(format!("has bends of {:.2} m radius", 1.0 / tightest)));
             }
         }
@@ -117,6 +117,13 @@ impl Outline<'_> {
     /// Words on a curve that sways, with the tolerance that takes it away.
     fn sways(&self, curve: &QuinticSpline) -> Option<String> {
         let sway = Sway::of(curve)?;
+        if let Some((station, turn)) = sway.corner() {
+            return Some(format!(
+                "the road has a corner at station {station:.0} m, where it turns by {:.0} degrees within a few points: \
+                 {sway}; round the corner to take that away",
+                turn.to_degrees()
+            ));
+        }
         let steady = |tolerance: &&f64| {
             let smoother = smooth(&self.points, None, self.periodic, Goal::Within(**tolerance));
             smoother.is_some_and(|curve| Sway::is_none_in(&curve))

@@ -32,7 +32,8 @@
 //! | file | idea |
 //! |---|---|
 //! | `sample.rs` | the points of a road |
-//! | `check.rs` | checks of a road's points: duplicates, gaps, closure |
+//! | `check.rs` | checks of a road's points: duplicates, gaps |
+//! | `seam.rs` | whether a road's end leads into its start |
 //! | `draw.rs` | the curve of a road whose points are checked |
 //! | `sway.rs` | roads that sway with the errors of their points |
 //! | `straight.rs` | straights that a map gives no points for |
@@ -69,6 +70,7 @@ mod quantity;
 mod random;
 mod read;
 mod sample;
+mod seam;
 mod segment;
 mod smooth;
 mod speed;
@@ -99,6 +101,9 @@ use speed::SharedPlans;
 use spline::evaluate;
 use std::f64::consts::{PI, TAU};
 use std::io::ErrorKind;
+
+/// Half of a vehicle's length, m.
+const REACH: f64 = 2.5;
 
 /// A reference path, immutable; share it in an `Arc`. Lookups take constant time and allocate nothing.
 ///
@@ -392,6 +397,15 @@ impl Path {
             }
         }
         (length > 0.0).then(|| (tightest.0, 1.0 / tightest.1, length))
+    }
+
+    /// The least angle, rad, to a heading that is turned by `e2` from the road at a station, from the road's directions there and half a
+    /// vehicle's length before and behind: at a corner a vehicle heads along one of its sides.
+    #[must_use]
+    pub(crate) fn least_turn(&self, station: f64, e2: f64) -> f64 {
+        let here = self.at(station).yaw;
+        let others = [-REACH, REACH].map(|by| wrap_angle(e2 + here - self.at(station + by).yaw));
+        others.into_iter().fold(e2, |least, other| if other.abs() < least.abs() { other } else { least })
     }
 
     /// Curvature at a station in 1/m, positive in left turns; 0 beyond the ends of an open path.

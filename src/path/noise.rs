@@ -103,11 +103,19 @@ impl PointNoise {
         means
     }
 
+    /// Largest curvature that it makes at points with a spacing in m, in 1/m. A tighter bend is the road's own.
+    pub fn bend(&self, spacing: f64) -> f64 {
+        MOST * curvature_error(self.sigma, spacing)
+    }
+
     /// Stride at which [`means`](Self::means) are apart against the noise: they give the road's direction.
     pub fn stride(&self) -> usize {
         self.half
     }
 }
+
+/// Largest of the errors of a road's points, in standard deviations.
+const MOST: f64 = 4.0;
 
 /// Standard deviation of the rounding to a step.
 pub(super) fn rounding_error(step: f64) -> f64 {

@@ -36,7 +36,7 @@ impl Sample {
 /// Closure of a road: it ends, or leads back to its start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Closure {
-    /// Closed if the last point lies within two spacings of the first and leads on into it.
+    /// Closed if the last point lies within two spacings and the noise of the first, and leads on into it.
     #[default]
     Detect,
     /// The road ends at its last point.

@@ -18,7 +18,7 @@
 use super::pen::{Pen, Rounding, corner_tangent};
 use super::sample::{RoadClass, Sample};
 use super::segment::{Course, Pose};
-use super::{Path, PathError, PathOptions, to_csv, truck_course};
+use super::{Closure, Path, PathError, PathOptions, to_csv, truck_course};
 use crate::numerics::Random;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -209,7 +209,10 @@ impl Route {
     /// # Errors
     /// Options that do not fit the course.
     pub fn path_with(self, options: &PathOptions) -> Result<Path, PathError> {
-        Path::from_csv(to_csv(&self.samples()).as_bytes(), self.name().as_ref(), options)
+        let known = if self.course().closed { Closure::Closed } else { Closure::Open };
+        let closure = if options.closure == Closure::Detect { known } else { options.closure };
+        let options = PathOptions { closure, ..*options };
+        Path::from_csv(to_csv(&self.samples()).as_bytes(), self.name().as_ref(), &options)
     }
 
     /// The course as points at most 1 m apart.

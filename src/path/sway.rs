@@ -9,6 +9,9 @@
 //! ```
 //!
 //! five times and more, one after the other.
+//!
+//! A curve through a corner of a line of points rings on both sides of it: as many bends, but the points lie on lines. Those that leave
+//! theirs, by turns to the left and to the right, tell the one from the other.
 
 use super::draw::curvature;
 use super::spline::{QuinticSpline, Vector, distance};
@@ -22,7 +25,7 @@ const WIDEST: f64 = 100.0;
 /// Largest turn of a bend, rad, and largest distance from its chord, m.
 const TURN: f64 = 0.5;
 const ASIDE: f64 = 0.5;
-/// Least distance that is an error of points, m: a curve through a corner rings by less, at its points.
+/// Least distance of points from their chord that is no ringing, m.
 const RINGS: f64 = 0.01;
 
 /// The longest part of a road that sways.
@@ -32,8 +35,11 @@ pub(super) struct Sway {
     /// Stations, m.
     from: f64,
     to: f64,
-    /// Largest distance of a bend from its chord, m.
+    /// Bends that leave their chords, each to the other side than the one before, and the curvature of the newest of them in 1/m.
+    sides: (usize, f64),
+    /// Largest distance of a bend from its chord, m; its middle's station, m, and its turn, rad.
     aside: f64,
+    widest: (f64, f64),
     /// Tightest bend, m.
     radius: f64,
 }
@@ -49,9 +55,14 @@ impl fmt::Display for Sway {
 }
 
 impl Sway {
-    /// `None` of a road that does not sway.
+    /// `None` of a road that neither sways nor rings.
     pub fn of(curve: &QuinticSpline) -> Option<Self> {
         Self::longest(curve).filter(|sway| sway.bends >= BENDS && sway.aside >= RINGS)
+    }
+
+    /// Station, m, and turn, rad, of the corner about which the curve rings; none of a road that sways.
+    pub fn corner(&self) -> Option<(f64, f64)> {
+        (self.sides.0 < BENDS).then_some(self.widest)
     }
 
     /// True of a curve with no two such bends one after the other: a sound road has none.
@@ -73,25 +84,28 @@ impl Sway {
             let tightest = bends[start..end].iter().fold(0.0f64, |most, bend| most.max(bend.abs()));
             let points: Vec<Vector> = knots[start..=end].iter().map(|knot| knot.p).collect();
             let aside = beside_chord(&points);
-            now = (tightest * WIDEST > 1.0
-                && wrap_angle(heading(end) - heading(start)).abs() < TURN
-                && aside < ASIDE)
-                .then(|| {
-                    let before = now.unwrap_or(Self {
-                        bends: 0,
-                        from: station,
-                        to: station,
-                        aside: 0.0,
-                        radius: WIDEST,
-                    });
-                    Self {
-                        bends: before.bends + 1,
-                        from: before.from,
-                        to: station + way,
-                        aside: before.aside.max(aside),
-                        radius: before.radius.min(tightest.recip()),
-                    }
+            let turn = wrap_angle(heading(end) - heading(start)).abs();
+            now = (tightest * WIDEST > 1.0 && turn < TURN && aside < ASIDE).then(|| {
+                let before = now.unwrap_or(Self {
+                    bends: 0,
+                    from: station,
+                    to: station,
+                    sides: (0, 0.0),
+                    aside: 0.0,
+                    widest: (station, 0.0),
+                    radius: WIDEST,
                 });
+                let leaves = aside >= RINGS && bends[start] * before.sides.1 <= 0.0;
+                Self {
+                    bends: before.bends + 1,
+                    from: before.from,
+                    to: station + way,
+                    sides: if leaves { (before.sides.0 + 1, bends[start]) } else { before.sides },
+                    aside: before.aside.max(aside),
+                    widest: if aside > before.aside { (station + 0.5 * way, turn) } else { before.widest },
+                    radius: before.radius.min(tightest.recip()),
+                }
+            });
             if now.is_some_and(|now| longest.is_none_or(|longest| now.bends > longest.bends)) {
                 longest = now;
             }

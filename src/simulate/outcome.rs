@@ -1,7 +1,8 @@
 //! The outcome of a drive in one word, from the vehicle's true place: a drive off the road is no completed one.
 //!
 //! At each communication point `t_k` the true pose is projected onto the path: station `s_k`, lateral error `e1_k` and
-//! heading error `e2_k`. With the lane's half width `b`, the heading's bound `h` and the path's length `L`,
+//! heading error `e2_k`, from the nearest of the directions that the road has within a vehicle's length: it is turned at a
+//! corner only if it heads along neither side. With the lane's half width `b`, the heading's bound `h` and the path's length `L`,
 //!
 //! ```text
 //! lost       |e1_k| > b or |e2_k| > h at some k, back beyond the start, rolled over, jack-knifed, or a step failed
@@ -162,6 +163,14 @@ impl Ending {
                     ControlStatus::Optimal | ControlStatus::ReducedAccuracy => {
                         "although it was to drive: its drive is too weak, or something holds it".to_owned()
                     }
+                    ControlStatus::FarFromPath
+                        if self.place.lateral_error.abs() <= self.limits.lateral_error =>
+                    {
+                        format!(
+                            "for it was turned by {:.2} rad from its path",
+                            self.place.heading_error.abs()
+                        )
+                    }
                     _ => format!("control status {}: {}", status.name(), status.meaning()),
                 };
                 format!("the vehicle stood {left} m before the end of the road ({:.0} m), {why}", self.length)
@@ -252,7 +261,11 @@ impl Referee {
         if hint.is_some() && at.e1.abs() > ASTRAY {
             at = path.project(x, y, yaw, None);
         }
-        Place { time, station: at.station, lateral_error: at.e1, heading_error: at.e2 }
+        let mut heading_error = at.e2;
+        if heading_error.abs() > self.limits.heading_error {
+            heading_error = path.least_turn(at.station, at.e2);
+        }
+        Place { time, station: at.station, lateral_error: at.e1, heading_error }
     }
 
     /// Takes note of a place and the speed there, m/s.
@@ -337,6 +350,7 @@ impl Referee {
 mod tests {
     use super::*;
     use crate::path::{Closure, Sample};
+    use std::f64::consts::FRAC_PI_2;
 
     #[test]
     fn a_place_off_the_lane_is_said_in_enough_digits() {
@@ -383,6 +397,17 @@ mod tests {
         let turned = driven(100, |s| [s, 0.0, if s > 60.0 { 1.2 } else { 0.0 }]).ending(End::Road);
         assert_eq!(turned.outcome, Outcome::Lost);
         assert!(turned.reason().contains("turned by 1.20 rad"), "{}", turned.reason());
+    }
+
+    #[test]
+    fn at_a_corner_a_vehicle_heads_along_one_of_its_sides() {
+        let corner = (0..=100).map(|k| Sample::at(f64::from(k.min(50)), f64::from((k - 50).max(0))));
+        let path = Path::from_samples(corner.collect(), Closure::Open).unwrap();
+        let referee = Referee::new(&path, LaneLimits::default());
+        let error = |pose| referee.place(&path, 0.0, pose).heading_error.abs();
+        // Still, or already, along a side at the corner; and across both.
+        assert!(error([50.0, 0.5, 0.0]) < 1.0 && error([49.5, 0.0, FRAC_PI_2]) < 1.0);
+        assert!(error([50.0, 0.0, -1.2]) > 1.0 && error([30.0, 0.0, FRAC_PI_2]) > 1.5);
     }
 
     #[test]

@@ -206,7 +206,7 @@ impl std::fmt::Display for VehiclePlace {
 pub enum VehicleError {
     /// The file cannot be opened.
     #[error("vehicle file {file}: cannot be read ({source}); check the name, or use a built-in one: {}", builtin.join(", "))]
-    Unreadable { file: PathBuf, source: std::io::Error, builtin: &'static [&'static str] },
+    Unreadable { file: PathBuf, source: std::io::Error, builtin: Vec<&'static str> },
     /// No built-in vehicle has this name.
     #[error("there is no built-in vehicle '{name}'; there are: {}", builtin.join(", "))]
     UnknownBuiltin { name: String, builtin: &'static [&'static str] },
@@ -254,7 +254,7 @@ pub(super) fn read<V: VehicleParameters>(file: &Path) -> Result<V, VehicleError>
     let text = input::read_text(file).map_err(|source| VehicleError::Unreadable {
         file: file.to_path_buf(),
         source,
-        builtin: V::BUILTIN,
+        builtin: V::BUILTIN.to_vec(),
     })?;
     let folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
     parse(&text, file, |name| {

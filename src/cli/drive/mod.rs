@@ -23,6 +23,7 @@ pub use stepwise::Stepwise;
 
 use super::files::{Named, check_files, given};
 use super::logs::LimitArgs;
+use super::path::closure;
 use super::require::{Check, Requirement, figures_help, write_junit};
 use super::vehicle::{Commanded, VehicleLinearModel, by_kind};
 use super::{progress_bar, said};
@@ -51,6 +52,12 @@ pub struct DriveArgs {
     /// measured noise]
     #[arg(long, value_name = "METRES", requires = "path")]
     smooth: Option<f64>,
+    /// The road leads from its last point to its first [default: if its ends lie so]
+    #[arg(long, requires = "path", conflicts_with = "open")]
+    closed: bool,
+    /// The road ends at its last point
+    #[arg(long, requires = "path")]
+    open: bool,
     #[command(flatten)]
     limit: LimitArgs,
     /// Car or truck: a vehicle file (TOML) or a built-in name
@@ -119,7 +126,7 @@ const EXAMPLES: &str = "Examples:
   rfl drive --path road.csv --vehicle my_car.toml --log out/drive.csv
   rfl drive --set mpc.q_e2=1 --set effect.steer_delay=0.06
   rfl drive --set car.vehicle.mass=1600                the car's mass, not the controller's
-  rfl drive --set initial.y=1 --set initial.vx=5       a start beside the road's first point, at another speed
+  rfl drive --set initial.y=149.25 --set initial.vx=5  a start 1 m beside the test route's first point (0, 148.25), at 5 m/s
   rfl drive --vehicle my_car.toml --controller out/tune/controller.toml    as tuned by rfl tune
   rfl drive --vehicle truck_simulation                 the truck's test route, the truck paper's truck
   rfl drive --residual out/residual/rfl_s.rflm         with what rfl train learned
@@ -284,7 +291,8 @@ fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
     Box<dyn Error>,
 > {
     let smoothing = args.smooth.map_or(Smoothing::AsAccurate, Smoothing::Within);
-    let reading = PathOptions { smoothing, ..args.limit.road() };
+    let closure = closure(args.closed, args.open);
+    let reading = PathOptions { closure, smoothing, ..args.limit.road() };
     let mut setup = Setup::<P, S, C>::new(args.path.as_deref(), &reading, P::TEST, &args.vehicle, &[])?;
     let mut model = args.model.clone();
     if let Some(file) = &args.controller {

@@ -3,7 +3,7 @@
 //! Speed is given up first (see [`super`]). Bounds are of the vehicle's acceleration; what holds it on a slope that the path
 //! tells of comes on top.
 
-use super::{ControllerFor, FAR_E1, StepReport};
+use super::{ControllerFor, FAR_E1, FAR_E2, StepReport};
 use crate::control::grip::{LEAST_SHARE, RoadAhead, beside};
 use crate::control::longitudinal::LongitudinalInput;
 use crate::control::parameters::SpeedParameters;
@@ -107,7 +107,9 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         state.on_path |= !far && report.e1.abs() < guard.slow_e1;
         let guarded = guard.active != 0 && state.on_path;
         if far {
-            return if guarded { 0.0 } else { APPROACH_SPEED };
+            let turned = self.path.least_turn(report.station, report.e2).abs() > FAR_E2;
+            let left = report.e1.abs() > FAR_E1 || turned;
+            return if guarded && left { 0.0 } else { APPROACH_SPEED };
         }
         let growth = report.e1.signum() * report.e1_rate;
         let mut share = 1.0;
