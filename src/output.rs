@@ -34,9 +34,10 @@ pub fn check_writable(file: &Path) -> io::Result<()> {
     remove_abandoned(folder);
     let draft = folder.join(draft_of(file).file_name().unwrap_or_default());
     // A full disk takes a file, but nothing in it.
-    let tried = create_draft(&draft).and_then(|mut file| file.write_all(&[0; 4096]));
-    let removed = std::fs::remove_file(&draft);
-    tried.and(removed)
+    with_draft(&draft, |to| {
+        to.write_all(&[0; 4096])?;
+        std::fs::remove_file(&draft)
+    })
 }
 
 /// A folder that one run writes several files to. While it is held no other run gets it: their files would mix.
@@ -88,18 +89,13 @@ pub fn write_with<E: From<io::Error>>(
     }
     make_folder_of(file)?;
     let draft = draft_of(file);
-    let written = create_draft(&draft).map_err(E::from).and_then(|mut to| {
-        fill(&mut to)?;
+    with_draft(&draft, |to| {
+        fill(to)?;
         if let Ok(old) = std::fs::metadata(file) {
             to.set_permissions(old.permissions())?;
         }
         Ok(std::fs::rename(&draft, file)?)
-    });
-    if written.is_err() {
-        // The draft is of no use to anybody; that it cannot be removed either says nothing new.
-        let _ = std::fs::remove_file(&draft);
-    }
-    written
+    })
 }
 
 /// Writes bytes to a file.
@@ -133,6 +129,21 @@ fn draft_of(file: &Path) -> PathBuf {
     // Neither two programs nor two threads write the same draft.
     let number = DRAFTS.fetch_add(1, Ordering::Relaxed);
     file.with_file_name(format!(".{name}.{}.{number}.part", std::process::id()))
+}
+
+/// Makes a draft for `put`, which renames or removes it. It is held until then: one that is closed is taken away by
+/// whoever else writes to this folder.
+fn with_draft<E: From<io::Error>>(
+    draft: &Path,
+    put: impl FnOnce(&mut File) -> Result<(), E>,
+) -> Result<(), E> {
+    let mut held = create_draft(draft)?;
+    let done = put(&mut held);
+    if done.is_err() {
+        // The draft is of no use to anybody; that it cannot be removed either says nothing new.
+        let _ = std::fs::remove_file(draft);
+    }
+    done
 }
 
 /// A draft that no other run takes for abandoned: its lock goes when it is closed, also when the program is killed.
@@ -224,6 +235,39 @@ mod tests {
         drop(written);
         check_writable(&at("another.csv")).unwrap();
         assert!(!at(".model.rflm.1.3.part").exists());
+    }
+
+    #[test]
+    fn a_draft_is_not_taken_away_before_it_is_renamed_or_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let draft = folder.path().join(".log.csv.1.0.part");
+        for keep in [true, false] {
+            with_draft(&draft, |to| {
+                to.write_all(b"whole")?;
+                // Another run comes to this folder.
+                remove_abandoned(folder.path());
+                if keep {
+                    std::fs::rename(&draft, folder.path().join("log.csv"))
+                } else {
+                    std::fs::remove_file(&draft)
+                }
+            })
+            .unwrap();
+        }
+        // What it does all the while: each trial of the folder is over before its draft is taken.
+        let over = std::sync::atomic::AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !over.load(Ordering::Relaxed) {
+                    remove_abandoned(folder.path());
+                }
+            });
+            let trials = || (0..20_000).try_for_each(|_| check_writable(&folder.path().join("log.csv")));
+            let tried = trials();
+            over.store(true, Ordering::Relaxed);
+            tried.unwrap();
+        });
+        assert_eq!(names(folder.path()), ["log.csv"]);
     }
 
     #[cfg(unix)]
