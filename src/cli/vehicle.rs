@@ -10,7 +10,7 @@ use crate::residual::DataSet;
 use crate::residual::gp::GpConfig;
 use crate::simulate::experiment::Compared;
 use crate::simulate::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
-use crate::vehicle::{Articulated, Car, SingleTrack, Truck, VehicleParameters as VehicleFile};
+use crate::vehicle::{Articulated, Car, SingleTrack, Truck, VehicleParameters as VehicleFile, VehiclePlace};
 use serde_json::Value;
 use std::error::Error;
 use std::path::Path;
@@ -98,6 +98,15 @@ pub(super) fn vehicle_named<F: VehicleFile>(name: &str) -> Result<F, Box<dyn Err
     Ok(F::named(name, |name| name.into())?)
 }
 
+/// Says which numbers of a vehicle's file contradict each other.
+pub(super) fn say_doubts<F: VehicleFile>(name: &str) {
+    // What cannot be read is said by whoever needs it.
+    let doubts = vehicle_named::<F>(name).map_or_else(|_| Vec::new(), |vehicle| vehicle.doubts());
+    for doubt in doubts {
+        warn!("warning: {}: {}", VehiclePlace::of(Path::new(name), doubt.name), doubt.words);
+    }
+}
+
 /// The default controller for a vehicle, with a user's settings.
 pub(super) fn controller_with<P: Commanded<S, C>, const S: usize, const C: usize>(
     vehicle: &P::Parameters,
@@ -116,20 +125,26 @@ pub(super) fn controller_with<P: Commanded<S, C>, const S: usize, const C: usize
     Ok(parameters)
 }
 
-/// Calls a command's function for the kind of a vehicle, by built-in name or file.
+/// Calls a command's function for the kind of a vehicle, by built-in name or file. Doubts about the file are said first.
 macro_rules! by_kind {
     ($vehicle:expr, $function:ident($($argument:expr),*)) => {
         match $crate::vehicle::VehicleKind::of($vehicle) {
-            $crate::vehicle::VehicleKind::Car => $function::<
-                $crate::vehicle::Car,
-                { $crate::nominal::ERRORS },
-                { $crate::simulate::CAR_COLUMNS },
-            >($($argument),*),
-            $crate::vehicle::VehicleKind::Truck => $function::<
-                $crate::vehicle::Truck,
-                { $crate::control::TRUCK_STATES },
-                { $crate::simulate::TRUCK_COLUMNS },
-            >($($argument),*),
+            $crate::vehicle::VehicleKind::Car => {
+                $crate::cli::vehicle::say_doubts::<$crate::vehicle::CarParameters>($vehicle);
+                $function::<
+                    $crate::vehicle::Car,
+                    { $crate::nominal::ERRORS },
+                    { $crate::simulate::CAR_COLUMNS },
+                >($($argument),*)
+            }
+            $crate::vehicle::VehicleKind::Truck => {
+                $crate::cli::vehicle::say_doubts::<$crate::vehicle::TruckParameters>($vehicle);
+                $function::<
+                    $crate::vehicle::Truck,
+                    { $crate::control::TRUCK_STATES },
+                    { $crate::simulate::TRUCK_COLUMNS },
+                >($($argument),*)
+            }
         }
     };
 }
