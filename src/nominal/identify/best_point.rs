@@ -7,7 +7,8 @@
 //! |r_k - m_k| > 8 median(|r_j - m_k|),   j = k-4 .. k+4
 //! ```
 //!
-//! The second is Hampel's: where a model misses a bend, all rows of that bend are far from one another.
+//! The second is Hampel's, where a vehicle's model lies between: if it misses a bend, all rows of that bend are far from
+//! one another.
 
 use super::fit::{ActuatorProblem, Point};
 use super::steering_drive::LeftOut;
@@ -79,6 +80,7 @@ impl BestPoint {
     /// Takes out rows whose residual stands out. All are judged anew: a rough fit is no judge for good.
     fn leave_out_outliers(&mut self) {
         let least = self.rms();
+        let through_vehicle = !self.problem.response.free;
         self.problem.residuals(&self.best);
         let ActuatorProblem { rows, residual, .. } = &mut self.problem;
         rows.counts.copy_from_slice(&self.given.0);
@@ -97,7 +99,9 @@ impl BestPoint {
                 let middle = upper_median(&mut beside);
                 off[row] = (residual[row] - middle).abs();
                 beside.iter_mut().for_each(|residual| *residual = (*residual - middle).abs());
-                beside_off[row] = upper_median(&mut beside);
+                if through_vehicle {
+                    beside_off[row] = upper_median(&mut beside);
+                }
             }
         }
         let mut typical: Vec<f64> =
