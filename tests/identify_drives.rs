@@ -497,3 +497,46 @@ fn the_yaw_rate_serves_at_any_speed() {
         assert!((found.gain.value - 1.0).abs() < 0.1, "{name}: {found:?}");
     }
 }
+
+#[test]
+fn by_yaw_rate_a_spike_is_wrong_and_no_row_of_a_bend() {
+    for (name, route) in [("c_class", Route::SudokuTest), ("ford_escort", Route::OffRoad)] {
+        let car = builtin(name).unwrap();
+        let mut drive = driven(&car, &Effects::default(), route, 0.0, true);
+        let found = |drive: &SteeringDrive| {
+            identify_by_yaw_rate_from_drives(std::slice::from_ref(drive), &car.single_track(), 1.5).unwrap()
+        };
+        // The linear model misses the bends, by far more than there is noise.
+        let sound = found(&drive);
+        assert!(sound.rmse > 1e-5, "{name}: {sound:?}");
+        assert!(sound.left_out.is_empty(), "{name}: {:?}", sound.left_out);
+        for (row, spike) in [(300, 0.05), (700, -0.05), (701, -0.07)] {
+            drive.response[row] += spike;
+        }
+        let rows: Vec<u32> = found(&drive).left_out.iter().map(|one| one.row).collect();
+        assert_eq!(rows, [300, 700, 701], "{name}");
+    }
+}
+
+#[test]
+fn intervals_of_gain_and_offset_by_yaw_rate_know_that_the_linear_model_is_wrong() {
+    for (name, route, gain, offset, steer_delay, steer_lag) in [
+        ("c_class", Route::SudokuTest, 1.1, 0.01, 0.06, 0.1),
+        ("bmw_320i", Route::SudokuTrain, 0.95, -0.005, 0.1, 0.15),
+        ("genesis", Route::SudokuTurns, 1.0, 0.0, 0.02, 0.0),
+        ("vw_vanagon", Route::HairpinCircuit, 1.05, 0.005, 0.0, 0.1),
+        ("ford_escort", Route::OffRoad, 0.95, 0.0, 0.12, 0.05),
+    ] {
+        let car = builtin(name).unwrap();
+        let effects =
+            Effects { steer_delay, steer_lag, steer_gain: gain, steer_offset: offset, ..Effects::default() };
+        let drive = driven(&car, &effects, route, 0.0, true);
+        let found = identify_by_yaw_rate_from_drives(&[drive], &car.single_track(), 1.5).unwrap();
+        for (estimate, truth) in [(found.gain, gain), (found.offset, offset)] {
+            assert!(holds(&estimate, truth), "{name}: {truth} {found:?}");
+        }
+        // Wide enough to hold the truth, and narrow enough to tell something.
+        assert!(found.delay.high - found.delay.low < 0.1, "{name}: {found:?}");
+        assert!(found.gain.high - found.gain.low < 0.6, "{name}: {found:?}");
+    }
+}

@@ -2,7 +2,7 @@
 
 use rfl_mpc::vehicle::{
     BUILTIN, BUILTIN_TRUCKS, Car, CarParameters, Effects, TruckParameters, VehicleError, VehicleKind,
-    VehicleParameters, builtin, builtin_truck,
+    VehicleParameters, VehiclePlace, builtin, builtin_truck,
 };
 use std::path::{Path, PathBuf};
 
@@ -112,6 +112,120 @@ fn what_is_wrong_is_named_with_file_line_key_and_remedy() {
     let message = CarParameters::read(Path::new("no/such.toml")).unwrap_err().to_string();
     assert!(message.contains("no/such.toml") && message.contains("c_class"), "{message}");
     assert!(!message.contains("truck_real"), "a car is wanted: {message}");
+}
+
+#[test]
+fn numbers_that_contradict_each_other_are_doubted_with_line_key_and_what_was_meant() {
+    for name in BUILTIN {
+        assert_eq!(builtin(name).unwrap().doubts(), [], "{name}");
+    }
+    for name in BUILTIN_TRUCKS {
+        assert_eq!(builtin_truck(name).unwrap().doubts(), [], "{name}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    let written = |of: &str, changes: &[(&str, &str)]| {
+        let mut text = std::fs::read_to_string(vehicles().join(of)).unwrap();
+        for (from, to) in changes {
+            assert!(text.contains(from), "{from}");
+            text = text.replacen(from, to, 1);
+        }
+        std::fs::write(&file, &text).unwrap();
+        text
+    };
+    type Case<'a> = (&'a str, &'a [(&'a str, &'a str)], &'a str, &'a str, &'a [&'a str]);
+    let cases: &[Case] = &[
+        (
+            "c_class.toml",
+            &[("max_power = 110000.0", "max_power = 110.0")],
+            "max_power",
+            "drive.max_power",
+            &["= 110 W is 0.079 W for each kilogram of the vehicle", "in kW", "110000 W would be ordinary"],
+        ),
+        (
+            "c_class.toml",
+            &[("max_force = 16000.0", "max_force = 16.0")],
+            "max_force = 16.0",
+            "brake.max_force",
+            &["16000 N"],
+        ),
+        (
+            "c_class.toml",
+            &[("yaw_inertia = 2150.0", "yaw_inertia = 215")],
+            "yaw_inertia",
+            "vehicle.yaw_inertia",
+            &["2150 kg m2 would be ordinary"],
+        ),
+        (
+            "c_class.toml",
+            &[("yaw_inertia = 2150.0", "yaw_inertia = 21500")],
+            "yaw_inertia",
+            "vehicle.yaw_inertia",
+            &["2150 kg m2 would be ordinary"],
+        ),
+        (
+            "c_class.toml",
+            &[("axle = 1.11", "axle = 11.1"), ("axle = 1.53", "axle = 15.3")],
+            "cg_to_front_axle",
+            "vehicle.cg_to_front_axle",
+            &["the wheelbase = 26.4 m", "2.64 m would be ordinary"],
+        ),
+        // A bus on the springs of a car, with the CG of a bus and with that of a car.
+        (
+            "c_class.toml",
+            &[
+                ("mass = 1400.0", "mass = 12500.0"),
+                ("yaw_inertia = 2150.0", "yaw_inertia = 110000.0"),
+                ("axle = 1.11", "axle = 3.78"),
+                ("axle = 1.53", "axle = 2.22"),
+                ("cg_height = 0.54", "cg_height = 1.2"),
+            ],
+            "spring_rate = 23000.0",
+            "axle.rear.spring_rate",
+            &["sags by 1.66 m", "falls over at any speed"],
+        ),
+        (
+            "c_class.toml",
+            &[
+                ("mass = 1400.0", "mass = 12500.0"),
+                ("yaw_inertia = 2150.0", "yaw_inertia = 110000.0"),
+                ("axle = 1.11", "axle = 3.78"),
+                ("axle = 1.53", "axle = 2.22"),
+            ],
+            "spring_rate = 23000.0",
+            "axle.rear.spring_rate",
+            &["sags by 1.66 m", "the body sinks to it"],
+        ),
+        (
+            "truck_real.toml",
+            &[("cg_to_hitch = 0.6", "cg_to_hitch = -0.6")],
+            "cg_to_hitch = -0.6",
+            "hitch.cg_to_hitch",
+            &["in front of the tractor's CG", "0.6 m"],
+        ),
+        (
+            "truck_real.toml",
+            &[("yaw_inertia = 113341.0", "yaw_inertia = 1133.41")],
+            "yaw_inertia = 1133.41",
+            "trailer.yaw_inertia",
+            &["113341 kg m2 would be ordinary"],
+        ),
+    ];
+    for (of, changes, begins, name, parts) in cases {
+        let text = written(of, changes);
+        let doubts = match VehicleKind::of(&file.display().to_string()) {
+            VehicleKind::Car => CarParameters::read(&file).unwrap().doubts(),
+            VehicleKind::Truck => TruckParameters::read(&file).unwrap().doubts(),
+        };
+        let [doubt] = &doubts[..] else { panic!("{changes:?}: {doubts:?}") };
+        assert_eq!(doubt.name, *name);
+        for part in *parts {
+            assert!(doubt.words.contains(part), "'{part}' is not in: {}", doubt.words);
+        }
+        let line = 1 + text.lines().position(|line| line.starts_with(begins)).unwrap();
+        let place = VehiclePlace::of(&file, doubt.name).to_string();
+        assert!(place.ends_with(&format!("line {line}")), "{place}: {doubt:?}");
+    }
 }
 
 #[test]

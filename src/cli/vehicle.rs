@@ -10,10 +10,14 @@ use crate::residual::DataSet;
 use crate::residual::gp::GpConfig;
 use crate::simulate::experiment::Compared;
 use crate::simulate::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
+<<<<<<< HEAD
 use crate::vehicle::{
     Articulated, BUILTIN, BUILTIN_TRUCKS, Car, SingleTrack, Truck, VehicleError,
     VehicleParameters as VehicleFile,
 };
+=======
+use crate::vehicle::{Articulated, Car, SingleTrack, Truck, VehicleParameters as VehicleFile, VehiclePlace};
+>>>>>>> hB
 use serde_json::Value;
 use std::error::Error;
 use std::path::Path;
@@ -111,6 +115,15 @@ fn of_any_kind(error: VehicleError) -> VehicleError {
     }
 }
 
+/// Says which numbers of a vehicle's file contradict each other.
+pub(super) fn say_doubts<F: VehicleFile>(name: &str) {
+    // What cannot be read is said by whoever needs it.
+    let doubts = vehicle_named::<F>(name).map_or_else(|_| Vec::new(), |vehicle| vehicle.doubts());
+    for doubt in doubts {
+        warn!("warning: {}: {}", VehiclePlace::of(Path::new(name), doubt.name), doubt.words);
+    }
+}
+
 /// The default controller for a vehicle, with a user's settings.
 pub(super) fn controller_with<P: Commanded<S, C>, const S: usize, const C: usize>(
     vehicle: &P::Parameters,
@@ -129,20 +142,26 @@ pub(super) fn controller_with<P: Commanded<S, C>, const S: usize, const C: usize
     Ok(parameters)
 }
 
-/// Calls a command's function for the kind of a vehicle, by built-in name or file.
+/// Calls a command's function for the kind of a vehicle, by built-in name or file. Doubts about the file are said first.
 macro_rules! by_kind {
     ($vehicle:expr, $function:ident($($argument:expr),*)) => {
         match $crate::vehicle::VehicleKind::of($vehicle) {
-            $crate::vehicle::VehicleKind::Car => $function::<
-                $crate::vehicle::Car,
-                { $crate::nominal::ERRORS },
-                { $crate::simulate::CAR_COLUMNS },
-            >($($argument),*),
-            $crate::vehicle::VehicleKind::Truck => $function::<
-                $crate::vehicle::Truck,
-                { $crate::control::TRUCK_STATES },
-                { $crate::simulate::TRUCK_COLUMNS },
-            >($($argument),*),
+            $crate::vehicle::VehicleKind::Car => {
+                $crate::cli::vehicle::say_doubts::<$crate::vehicle::CarParameters>($vehicle);
+                $function::<
+                    $crate::vehicle::Car,
+                    { $crate::nominal::ERRORS },
+                    { $crate::simulate::CAR_COLUMNS },
+                >($($argument),*)
+            }
+            $crate::vehicle::VehicleKind::Truck => {
+                $crate::cli::vehicle::say_doubts::<$crate::vehicle::TruckParameters>($vehicle);
+                $function::<
+                    $crate::vehicle::Truck,
+                    { $crate::control::TRUCK_STATES },
+                    { $crate::simulate::TRUCK_COLUMNS },
+                >($($argument),*)
+            }
         }
     };
 }

@@ -119,6 +119,23 @@ impl LateralVehicle<6> for Articulated {
         steady_cornering(self, speed).steer
     }
 
+    fn stiffness_off(&self, share: f64) -> Vec<Self> {
+        let off = |axle: usize| {
+            let mut truck = *self;
+            truck.stiffness[axle] *= 1.0 + share;
+            truck
+        };
+        (0..self.stiffness.len()).map(off).collect()
+    }
+
+    fn inertia_off(&self, share: f64) -> Vec<Self> {
+        let times = 1.0 + share;
+        vec![
+            Self { yaw_inertia1: self.yaw_inertia1 * times, ..*self },
+            Self { yaw_inertia2: self.yaw_inertia2 * times, ..*self },
+        ]
+    }
+
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         let Self { mass1, mass2, yaw_inertia1, yaw_inertia2, a1, b1, c1, a2, b2, stiffness } = *self;
         vec![

@@ -66,6 +66,16 @@ pub trait LateralVehicle<const S: usize>:
     /// The parameters with their names, in the order of the vehicle's hash in files.
     fn parameters(&self) -> Vec<(&'static str, f64)>;
 
+    /// The vehicle with the cornering stiffness of one axle off by a share, axle by axle. None where nothing is known of it.
+    fn stiffness_off(&self, _share: f64) -> Vec<Self> {
+        Vec::new()
+    }
+
+    /// The vehicle with one yaw inertia off by a share, body by body. None where nothing is known of it.
+    fn inertia_off(&self, _share: f64) -> Vec<Self> {
+        Vec::new()
+    }
+
     /// Distance between the axles that steering turns the vehicle about, m.
     fn wheelbase(&self) -> f64 {
         self.steady_steer(0.0)

@@ -65,6 +65,15 @@ impl LateralVehicle<4> for SingleTrack {
         wheelbase + mass / wheelbase * (lr / cf - lf / cr) * speed * speed
     }
 
+    fn stiffness_off(&self, share: f64) -> Vec<Self> {
+        let times = 1.0 + share;
+        vec![Self { cf: self.cf * times, ..*self }, Self { cr: self.cr * times, ..*self }]
+    }
+
+    fn inertia_off(&self, share: f64) -> Vec<Self> {
+        vec![Self { yaw_inertia: self.yaw_inertia * (1.0 + share), ..*self }]
+    }
+
     fn parameters(&self) -> Vec<(&'static str, f64)> {
         let Self { mass, yaw_inertia, lf, lr, cf, cr } = *self;
         vec![

@@ -2,6 +2,7 @@
 
 use super::builtin;
 use super::effects::EffectOutOfRange;
+use super::plausible::Doubt;
 use super::tolerance::Tolerances;
 use super::tyre::{Coefficients, TirError, Tyre};
 use crate::input;
@@ -179,6 +180,9 @@ pub trait VehicleParameters: DeserializeOwned + Serialize + Clone + std::fmt::De
     /// # Errors
     /// See [`VehicleError`].
     fn check_parts(&self, place: &VehiclePlace) -> Result<(), VehicleError>;
+
+    /// Numbers that contradict others, though each is in its range.
+    fn doubts(&self) -> Vec<Doubt>;
 }
 
 /// Where a vehicle's number comes from.
@@ -188,6 +192,15 @@ pub enum VehiclePlace {
     File(PathBuf, usize),
     /// The vehicle of this name, with numbers that were set by a host or a program.
     Set(String),
+}
+
+impl VehiclePlace {
+    /// Place of a number in a file.
+    #[must_use]
+    pub fn of(file: &Path, name: &str) -> Self {
+        let line = input::read_text(file).map_or(0, |text| line_of(&text, name));
+        Self::File(file.to_path_buf(), line)
+    }
 }
 
 impl std::fmt::Display for VehiclePlace {

@@ -11,6 +11,7 @@
 //! | `parameters.rs`, `truck_parameters.rs` | parameters of a car, of a truck |
 //! | `file.rs` | their files |
 //! | `articulated.rs` | the linear model of a tractor with a semi-trailer |
+//! | `plausible.rs` | numbers of a file that contradict each other |
 //! | `builtin.rs` | vehicles and tyres that need no file |
 //! | `effects.rs` | differences of a real vehicle from its model, each a switch |
 //! | `explain.rs`, `effects.toml` | each effect in words |
@@ -37,6 +38,7 @@ mod effects;
 mod explain;
 mod file;
 mod parameters;
+mod plausible;
 mod reduced;
 mod sensors;
 mod status;
@@ -63,6 +65,7 @@ pub use file::{ParameterDeclaration, VehicleError, VehicleKind, VehicleParameter
 pub use parameters::{
     Air, Axle, Body, Brake, CarParameters, GRAVITY, Pair, Powertrain, SingleTrack, Steering, builtin,
 };
+pub use plausible::Doubt;
 pub use reduced::{ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, ReducedVehicle};
 pub use steering::{SteeringChain, SteeringState};
 pub use stepper::{LONGEST_STEP, PlantStepError, ROLLED_OVER, RestoreError, VehicleInput};

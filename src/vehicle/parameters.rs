@@ -10,6 +10,7 @@ use super::file::{
     self, ParameterDeclaration, VehicleError, VehicleKind, VehicleParameters, VehiclePlace, check_body,
     reading, table,
 };
+use super::plausible::Doubt;
 use super::tolerance::Tolerances;
 use super::tyre::{Coefficients, Tyre, TyreModel};
 use crate::path::AxleShares;
@@ -269,6 +270,10 @@ impl VehicleParameters for CarParameters {
         }
         let unsprung = self.axle.front.unsprung_mass + self.axle.rear.unsprung_mass;
         check_body(place, "vehicle.mass", self.vehicle.mass, unsprung)
+    }
+
+    fn doubts(&self) -> Vec<Doubt> {
+        self.contradictions()
     }
 }
 

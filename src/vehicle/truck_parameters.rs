@@ -11,6 +11,7 @@ use super::file::{
     reading, table,
 };
 use super::parameters::{Axle, Body, GRAVITY, Steering, relaxation_at_rest};
+use super::plausible::Doubt;
 use super::tolerance::Tolerances;
 use super::tyre::{Coefficients, Tyre};
 use crate::path::AxleShares;
@@ -266,6 +267,10 @@ impl VehicleParameters for TruckParameters {
             return Err(VehicleError::BrakeShares { place: place.clone(), front, trailer });
         }
         Ok(())
+    }
+
+    fn doubts(&self) -> Vec<Doubt> {
+        self.contradictions()
     }
 }
 

@@ -92,8 +92,9 @@ fn notes(found: &IdentifiedLog, steering: &IdentifiedSteering, args: &IdentifyAr
     }
     if args.by_yaw_rate {
         warn!(
-            "note: seen through the vehicle's linear model: relaxation of tyres, roll and the sensor's latency are in dead \
-             time and lag, wrong stiffness is in the gain, a bias of the yaw rate in the offset"
+            "note: seen through the vehicle's linear model: the intervals know that its stiffness (10 % an axle), its inertia \
+             (5 %) and what it leaves out (relaxation of tyres, their curve) may be wrong. The sensor's latency is in dead \
+             time and lag, a bias of the yaw rate in the offset"
         );
     }
 }

@@ -3,8 +3,12 @@
 //! A row whose residual stands out of those beside it is wrong: errors of a model last longer,
 //!
 //! ```text
-//! |r_k - median(r_{k-4} .. r_{k+4})| > 8 typical ones
+//! |r_k - m_k| > 8 typical ones,      m_k = median(r_{k-4} .. r_{k+4})
+//! |r_k - m_k| > 8 median(|r_j - m_k|),   j = k-4 .. k+4
 //! ```
+//!
+//! The second is Hampel's, where a vehicle's model lies between: if it misses a bend, all rows of that bend are far from
+//! one another.
 
 use super::fit::{ActuatorProblem, Point};
 use super::steering_drive::LeftOut;
@@ -76,12 +80,14 @@ impl BestPoint {
     /// Takes out rows whose residual stands out. All are judged anew: a rough fit is no judge for good.
     fn leave_out_outliers(&mut self) {
         let least = self.rms();
+        let through_vehicle = !self.problem.response.free;
         self.problem.residuals(&self.best);
         let ActuatorProblem { rows, residual, .. } = &mut self.problem;
         rows.counts.copy_from_slice(&self.given.0);
         rows.left_out.truncate(self.given.1);
         let stretches: Vec<_> = rows.stretches().collect();
         let mut off = vec![0.0; rows.time.len()];
+        let mut beside_off = off.clone();
         for stretch in stretches {
             let counted: Vec<usize> = stretch.filter(|&row| rows.counts[row]).collect();
             for (i, &row) in counted.iter().enumerate() {
@@ -90,16 +96,23 @@ impl BestPoint {
                     .iter()
                     .map(|&row| residual[row])
                     .collect();
-                off[row] = (residual[row] - upper_median(&mut beside)).abs();
+                let middle = upper_median(&mut beside);
+                off[row] = (residual[row] - middle).abs();
+                beside.iter_mut().for_each(|residual| *residual = (*residual - middle).abs());
+                if through_vehicle {
+                    beside_off[row] = upper_median(&mut beside);
+                }
             }
         }
         let mut typical: Vec<f64> =
             (0..off.len()).filter(|&row| rows.counts[row]).map(|row| off[row]).collect();
-        let limit =
-            (OUTLYING * 1.4826 * upper_median(&mut typical)).max(OUTLYING_SHARE * least).max(ROUNDING);
+        let far = OUTLYING * 1.4826;
+        let limit = (far * upper_median(&mut typical)).max(OUTLYING_SHARE * least).max(ROUNDING);
         for (row, off) in off.iter().enumerate() {
             let (drive, place) = rows.origin[row];
-            if rows.counts[row] && *off > limit.max(rows.resolutions[drive as usize]) {
+            if rows.counts[row]
+                && *off > limit.max(far * beside_off[row]).max(rows.resolutions[drive as usize])
+            {
                 rows.counts[row] = false;
                 let value = rows.response[row] + rows.mean;
                 rows.left_out.push(LeftOut { drive, row: place, signal: "response", value });

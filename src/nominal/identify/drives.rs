@@ -19,6 +19,7 @@
 use super::best_point::BestPoint;
 use super::fit::{ActuatorProblem, LEAST_NOISE, LONGEST_DEAD_TIME, LONGEST_LAG, Point};
 use super::interval::{Along, Ends, FitNoise, GAUSS};
+use super::model_error::{ModelError, Reach};
 use super::response::Response;
 use super::rows::DriveRows;
 use super::steering_drive::{Between, LeftOut, SteeringDrive};
@@ -33,7 +34,8 @@ pub struct Estimate {
     pub low: f64,
     /// Upper end.
     pub high: f64,
-    /// True if the drives determine it: the interval is narrow enough to be used.
+    /// True if the drives determine it: the interval is narrow enough to be used, but for the errors of a vehicle's model
+    /// that lies between. No drive makes those smaller.
     pub excited: bool,
 }
 
@@ -161,7 +163,7 @@ pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteeri
     };
     let mut found = held(&rows);
     if found.rms() <= 10.0 * LEAST_NOISE {
-        return found.identified();
+        return found.identified(ModelError::default());
     }
     let filled = rows.with_lost_rows(drives).map(|rows| held(&rows));
     let is_better = |filled: &mut BestPoint| {
@@ -180,7 +182,7 @@ pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteeri
     if line.rms() < LINE_BETTER * found.rms() {
         found = line.polished();
     }
-    found.identified()
+    found.identified(ModelError::default())
 }
 
 /// The actuator from drives whose response is the yaw rate, at whatever speeds. The linear model of the vehicle lies
@@ -196,7 +198,9 @@ pub fn identify_by_yaw_rate_from_drives<V: LateralVehicle<S>, const S: usize>(
 ) -> Result<IdentifiedSteering, DrivesError> {
     let rows = checked(drives, true)?;
     let response = Response::yaw_rate(&rows, vehicle, slowest)?;
-    BestPoint::of(ActuatorProblem::new(rows, response)).with_gap().identified()
+    let found = BestPoint::of(ActuatorProblem::new(rows, response)).with_gap();
+    let error = found.model_error(vehicle, slowest)?;
+    found.identified(error)
 }
 
 fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<DriveRows, DrivesError> {
@@ -221,7 +225,7 @@ fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<DriveRows, Driv
 }
 
 impl BestPoint {
-    fn identified(mut self) -> Result<IdentifiedSteering, DrivesError> {
+    fn identified(mut self, error: ModelError) -> Result<IdentifiedSteering, DrivesError> {
         let rows = self.problem.rows.counted();
         let variance: f64 = self
             .problem
@@ -262,18 +266,19 @@ impl BestPoint {
             offset = offset.map(|value| value + self.problem.rows.mean);
         }
         let whole = best.dead_time + best.lag;
-        let time = |value: f64, ends: &Ends, of: fn(&Point) -> f64| {
+        let time = |value: f64, ends: &Ends, error: Reach, of: fn(&Point) -> f64| {
             let (low, high) = (of(&ends.low).min(value), of(&ends.high).max(value));
             let enough = TIME_ENOUGH.max(TIME_SHARE * whole);
             let excited = ends.closed.iter().all(|closed| *closed) && 0.5 * (high - low) <= enough;
-            Estimate { value, low, high, excited }
+            let found = error.widen(Estimate { value, low, high, excited });
+            Estimate { low: found.low.max(0.0), ..found }
         };
         let mut identified = IdentifiedSteering {
-            dead_time: time(best.dead_time, &dead_times, |point| point.dead_time),
-            lag: time(best.lag, &lags, |point| point.lag),
-            delay: time(whole, &sums, |point| point.dead_time + point.lag),
-            gain: estimate(gain, GAIN_SHARE * gain[1].abs()),
-            offset: estimate(offset, OFFSET_ENOUGH),
+            dead_time: time(best.dead_time, &dead_times, error.dead_time, |point| point.dead_time),
+            lag: time(best.lag, &lags, error.lag, |point| point.lag),
+            delay: time(whole, &sums, error.delay, |point| point.dead_time + point.lag),
+            gain: error.gain.widen(estimate(gain, GAIN_SHARE * gain[1].abs())),
+            offset: error.offset.widen(estimate(offset, OFFSET_ENOUGH)),
             rmse: self.rms(),
             explained,
             rows,

@@ -10,6 +10,7 @@
 //! | `fit.rs` | least squares over dead time and lag, all else linear |
 //! | `best_point.rs` | the best pair without rows that stand out |
 //! | `rate_limit.rs`, `backlash.rs` | what may lie beside the lag |
+//! | `model_error.rs` | what a linear vehicle between actuator and response gets wrong, as a spread of the constants |
 //! | `interval.rs` | confidence intervals from the profile of the squares |
 
 mod backlash;
@@ -17,6 +18,7 @@ mod best_point;
 mod drives;
 mod fit;
 mod interval;
+mod model_error;
 mod rate_limit;
 mod record;
 mod response;

@@ -64,6 +64,24 @@ struct Sampled {
     step: f64,
 }
 
+impl Sampled {
+    fn of<V: LateralVehicle<S>, const S: usize>(
+        rows: &DriveRows,
+        vehicle: &V,
+        slowest: f64,
+    ) -> Result<Self, SingleTrackError> {
+        let step = rows.step;
+        let bin_of = |speed: f64| (speed.clamp(slowest, 100.0) / BIN).round().max(1.0) as u16;
+        let bin: Vec<u16> = rows.speed.iter().map(|&speed| bin_of(speed)).collect();
+        let most = bin.iter().copied().max().unwrap_or(0);
+        let mut models = Vec::with_capacity(usize::from(most) + 1);
+        for bin in 0..=most {
+            models.push(reduced(vehicle, f64::from(bin) * BIN, slowest, step)?);
+        }
+        Ok(Self { size: S - 2, models, bin, step })
+    }
+}
+
 impl Response {
     /// The road-wheel angle: `gain x + offset`.
     pub fn angle(rows: &DriveRows, between: Between) -> Self {
@@ -88,15 +106,6 @@ impl Response {
         vehicle: &V,
         slowest: f64,
     ) -> Result<Self, SingleTrackError> {
-        let step = rows.step;
-        let bin_of = |speed: f64| (speed.clamp(slowest, 100.0) / BIN).round().max(1.0) as u16;
-        let bin: Vec<u16> = rows.speed.iter().map(|&speed| bin_of(speed)).collect();
-        let most = bin.iter().copied().max().unwrap_or(0);
-        let mut models = Vec::with_capacity(usize::from(most) + 1);
-        for bin in 0..=most {
-            models.push(reduced(vehicle, f64::from(bin) * BIN, slowest, step)?);
-        }
-        let size = S - 2;
         let mut response = Self {
             between: Between::Held,
             rate_limit: f64::INFINITY,
@@ -104,10 +113,9 @@ impl Response {
             varies: Vec::new(),
             fixed: Vec::new(),
             free: false,
-            vehicle: Some(Sampled { size, models, bin, step }),
+            vehicle: Some(Sampled::of(rows, vehicle, slowest)?),
         };
-        let mut steady = vec![0.0; rows.time.len()];
-        response.drive(rows, 1.0, &mut steady, |_, _| 1.0);
+        let steady = response.steady(rows);
         // The gain is that at the speeds at which the drives turn.
         let (mut sum, mut weight) = (0.0, 0.0);
         for row in (0..rows.time.len()).filter(|&row| rows.counts[row]) {
@@ -121,6 +129,31 @@ impl Response {
         }
         response.fixed = vec![steady, vec![1.0; rows.time.len()]];
         Ok(response)
+    }
+
+    /// The same behind another vehicle.
+    ///
+    /// # Errors
+    /// A vehicle whose model cannot be made.
+    pub fn behind<V: LateralVehicle<S>, const S: usize>(
+        &self,
+        rows: &DriveRows,
+        vehicle: &V,
+        slowest: f64,
+    ) -> Result<Self, SingleTrackError> {
+        let mut other = Self { vehicle: Some(Sampled::of(rows, vehicle, slowest)?), ..self.clone() };
+        let behind = other.steady(rows);
+        if let Some(steady) = other.fixed.first_mut() {
+            *steady = behind;
+        }
+        Ok(other)
+    }
+
+    /// The vehicle's answer to an angle of 1 that stands.
+    fn steady(&self, rows: &DriveRows) -> Vec<f64> {
+        let mut steady = vec![0.0; rows.time.len()];
+        self.drive(rows, 1.0, &mut steady, |_, _| 1.0);
+        steady
     }
 
     /// The same of some of the rows.
