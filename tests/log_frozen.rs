@@ -1,4 +1,5 @@
-//! Sensors that rest without noise and without a jump: their partners tell whether they are frozen.
+//! Sensors that rest without noise and without a jump: their partners tell whether they are frozen. Commands that rest and jump: the
+//! wheels tell it.
 
 use crate::diagnose::{Columns, cleaned, said};
 use rfl_mpc::log::FindingSeverity;
@@ -146,4 +147,42 @@ fn a_needed_sensor_that_is_dead_for_most_of_a_log_is_refused_with_the_reason() {
     values[700..].fill(value);
     let error = cleaned(columns).expect_err("mostly dead").to_string();
     assert!(error.contains("at least half") && error.contains("frozen"), "{error}");
+}
+
+/// Commands of a sine, then some that are held for 2 s each.
+fn held_commands() -> Columns {
+    let held = [0.0, 0.04, -0.04, 0.02, 0.0];
+    let command = |time: f64| match time {
+        time if time < 14.0 => 0.03 * (0.9 * time).sin(),
+        time => held.get(((time - 14.0) / 2.0) as usize).map_or(0.02 * (0.7 * time).sin(), |held| *held),
+    };
+    driven(|_| 15.0, command, 0.0)
+}
+
+/// What is said of the command.
+fn said_of_command(columns: Columns) -> String {
+    let findings = cleaned(columns).expect("a usable log").findings;
+    said(&findings, "steer_cmd", FindingSeverity::Warning)
+}
+
+#[test]
+fn held_commands_that_the_wheels_follow_are_kept() {
+    for is_measured in [true, false] {
+        let mut columns = held_commands();
+        columns.retain(|name, _| is_measured || *name != "steer");
+        assert_eq!(said_of_command(columns), "", "{is_measured}");
+    }
+}
+
+#[test]
+fn a_command_that_is_frozen_while_the_wheels_go_on_is_left_out() {
+    for is_measured in [true, false] {
+        let mut columns = winding();
+        columns.retain(|name, _| is_measured || *name != "steer");
+        let values = columns.get_mut("steer_cmd").expect("there");
+        let value = values[700];
+        values[700..800].fill(value);
+        let words = said_of_command(columns);
+        assert!(words.contains("from row 702 to row 800 and jumps then: frozen"), "{is_measured}: {words}");
+    }
 }

@@ -10,14 +10,10 @@ use crate::residual::DataSet;
 use crate::residual::gp::GpConfig;
 use crate::simulate::experiment::Compared;
 use crate::simulate::{CAR_COLUMNS, SimulatedVehicle, TRUCK_COLUMNS};
-<<<<<<< HEAD
 use crate::vehicle::{
     Articulated, BUILTIN, BUILTIN_TRUCKS, Car, SingleTrack, Truck, VehicleError,
-    VehicleParameters as VehicleFile,
+    VehicleParameters as VehicleFile, VehiclePlace,
 };
-=======
-use crate::vehicle::{Articulated, Car, SingleTrack, Truck, VehicleParameters as VehicleFile, VehiclePlace};
->>>>>>> hB
 use serde_json::Value;
 use std::error::Error;
 use std::path::Path;

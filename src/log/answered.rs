@@ -8,7 +8,7 @@
 //! ```
 //!
 //! both without their lines in time over about a second: `b` is about 1 of a command, and 0 of what only the recorder
-//! has seen.
+//! has seen. A command that is held for long is followed wholly: `r - p` is clearly less than `r`.
 
 use super::rows::LogRows;
 use crate::numerics::statistics::{Slope, slope};
@@ -49,9 +49,14 @@ struct Sums {
 }
 
 impl Sums {
+    /// Squares of what the rows leave open.
+    fn with(self) -> f64 {
+        self.rr - 2.0 * self.pr + self.pp
+    }
+
     fn answer(self) -> Answer {
         let share = self.pr / self.pp;
-        let (without, with) = (self.rr, self.rr - 2.0 * self.pr + self.pp);
+        let (without, with) = (self.rr, self.with());
         let best = self.rr - share * self.pr;
         if share.is_nan() {
             Answer::Unknown
@@ -67,28 +72,39 @@ impl Sums {
 
 /// The answer to each of some runs of `steer_cmd`.
 pub(super) fn answers(log: &LogRows, runs: &[Range<usize>]) -> Vec<Answer> {
-    if runs.is_empty() {
-        return Vec::new();
-    }
-    let column = |name: &str| log.columns.get(name).map(Vec::as_slice);
-    let found = match (column("steer_cmd"), column("steer"), column("yaw_rate"), column("vx")) {
-        (Some(command), Some(steer), ..) => answers_of(command, (steer, None), &log.spans, log.spacing, runs),
-        (Some(command), None, Some(rate), Some(vx)) => {
-            answers_of(command, (rate, Some(vx)), &log.spans, log.spacing, runs)
-        }
-        _ => None,
-    };
+    let found = sums_in(log, runs).map(|each| told_together(&each));
     found.unwrap_or_else(|| vec![Answer::Unknown; runs.len()])
 }
 
+/// True for each run of `steer_cmd`, held for a while, that the wheels follow clearly.
+pub(super) fn followed(log: &LogRows, runs: &[Range<usize>]) -> Vec<bool> {
+    let is_followed = |sums: &Sums| CLEARLY * sums.with() < sums.rr;
+    sums_in(log, runs).map_or_else(|| vec![false; runs.len()], |each| each.iter().map(is_followed).collect())
+}
+
+/// Sums about each of some runs of `steer_cmd`. `None` where nothing follows it.
+fn sums_in(log: &LogRows, runs: &[Range<usize>]) -> Option<Vec<Sums>> {
+    if runs.is_empty() {
+        return None;
+    }
+    let column = |name: &str| log.columns.get(name).map(Vec::as_slice);
+    match (column("steer_cmd"), column("steer"), column("yaw_rate"), column("vx")) {
+        (Some(command), Some(steer), ..) => sums_of(command, (steer, None), &log.spans, log.spacing, runs),
+        (Some(command), None, Some(rate), Some(vx)) => {
+            sums_of(command, (rate, Some(vx)), &log.spans, log.spacing, runs)
+        }
+        _ => None,
+    }
+}
+
 /// The same of a command and a response, which is also a multiple of the second column. `None` where it does not follow.
-fn answers_of(
+fn sums_of(
     command: &[f64],
     (response, times): (&[f64], Option<&[f64]>),
     spans: &[Range<usize>],
     spacing: f64,
     runs: &[Range<usize>],
-) -> Option<Vec<Answer>> {
+) -> Option<Vec<Sums>> {
     let (without, alone) = apart(command, spans, runs);
     // The body turns later than the wheels.
     let through = |column: &Vec<f64>, lag: f64| match times {
@@ -119,20 +135,23 @@ fn answers_of(
     }
     let (Slope { factor: gain, .. }, lag, delay) = best?;
     let behind = behind(lag);
-    let sums_of = |run: &Range<usize>| {
+    let about = |run: &Range<usize>| {
         let Some(span) = spans.iter().find(|span| span.contains(&run.start)) else { return Sums::default() };
         let from = (run.start as isize + delay.min(0) - rows(AROUND)).max(span.start as isize) as usize;
         let to = run.end as isize + delay.max(0) + rows(AROUND + 2.0 * lag);
         let to = (to.max(0) as usize).min(span.end);
-        let about = (from..to).filter_map(|row| {
+        let rows_about = (from..to).filter_map(|row| {
             let [r, p] = behind.each_ref().map(|column| gain * factor(row) * at(column, span, row, delay));
             let r = response[row] - r;
             (r.is_finite() && p.is_finite()).then_some((row as f64, r, p))
         });
-        sums(&about.collect::<Vec<_>>())
+        sums(&rows_about.collect::<Vec<_>>())
     };
-    let each: Vec<Sums> = runs.iter().map(sums_of).collect();
-    // Those that alone tell nothing may tell it together.
+    Some(runs.iter().map(about).collect())
+}
+
+/// The answer to each run; those that alone tell nothing may tell it together.
+fn told_together(each: &[Sums]) -> Vec<Answer> {
     let unknown = each.iter().filter(|sums| sums.answer() == Answer::Unknown && sums.pp.is_finite());
     let together = unknown.fold(Sums::default(), |all, sums| Sums {
         pp: all.pp + sums.pp,
@@ -143,7 +162,7 @@ fn answers_of(
         Answer::Unknown => together.answer(),
         answer => answer,
     };
-    Some(each.iter().map(of).collect())
+    each.iter().map(of).collect()
 }
 
 /// A command without some runs, on lines over them, and what these add; gaps hold the last value.
@@ -239,7 +258,9 @@ mod tests {
         for length in 1..=5 {
             let (command, [followed, unseen], runs) = drive(length, 0.03);
             let spans = std::slice::from_ref(&(0..1500)).to_vec();
-            let ask = |angle: &[f64]| answers_of(&command, (angle, None), &spans, 0.02, &runs).unwrap();
+            let ask = |angle: &[f64]| {
+                told_together(&sums_of(&command, (angle, None), &spans, 0.02, &runs).unwrap())
+            };
             assert_eq!(ask(&followed), [Answer::Given; 3], "{length}");
             assert_eq!(ask(&unseen), [Answer::None; 3], "{length}");
         }
@@ -249,9 +270,9 @@ mod tests {
     fn noise_and_a_column_that_does_not_follow_tell_nothing() {
         let (command, [followed, _], runs) = drive(1, 3.0);
         let spans = std::slice::from_ref(&(0..1500)).to_vec();
-        let answers = answers_of(&command, (&followed, None), &spans, 0.02, &runs).unwrap();
+        let answers = told_together(&sums_of(&command, (&followed, None), &spans, 0.02, &runs).unwrap());
         assert!(!answers.contains(&Answer::None), "{answers:?}");
         let other: Vec<f64> = (0..1500).map(|row| (0.03 * f64::from(row)).sin()).collect();
-        assert_eq!(answers_of(&command, (&other, None), &spans, 0.02, &runs), None);
+        assert!(sums_of(&command, (&other, None), &spans, 0.02, &runs).is_none());
     }
 }

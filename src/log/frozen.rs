@@ -15,7 +15,10 @@
 //!
 //! A sensor that is held from sample to sample, each a tenth of a second or a second, jumps always: it is none. Nor is one of
 //! a vehicle that stands, or one that has not moved before.
+//!
+//! A command may rest and jump in earnest: [the wheels answer](super::answered) then.
 
+use super::answered::followed;
 use super::clean_log::STANDING;
 use super::differences::own_noise;
 use super::finding::FindingSeverity;
@@ -58,13 +61,13 @@ fn leave_out_of(log: &mut LogRows, names: &[&'static str]) {
         let Some(values) = log.columns.get(name) else { continue };
         let may_jump = name.starts_with("steer");
         let of_span = |span: &Range<usize>| frozen(&values[span.clone()], shortest, span.start, may_jump);
-        let found: Vec<(f64, Range<usize>)> = log
-            .spans
-            .iter()
-            .flat_map(of_span)
-            .filter(moves)
-            .map(|stretch| (values[stretch.start], stretch))
-            .collect();
+        let mut found: Vec<Range<usize>> = log.spans.iter().flat_map(of_span).filter(moves).collect();
+        if name == "steer_cmd" {
+            let mut followed = followed(log, &found).into_iter();
+            found.retain(|_| followed.next() != Some(true));
+        }
+        let found: Vec<(f64, Range<usize>)> =
+            found.into_iter().map(|stretch| (values[stretch.start], stretch)).collect();
         for (value, stretch) in found {
             let ends = log.spans.iter().any(|span| span.end == stretch.end);
             let (stays, then) = if ends { ("jumps and stays", "") } else { ("stays", " and jumps then") };
