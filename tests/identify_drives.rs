@@ -210,33 +210,6 @@ fn a_rate_limit_that_governs_most_of_a_drive_leaves_no_false_lag() {
     }
 }
 
-/// Rows at the limit of a few quick steps stand out of a fit without one, like wrong rows. They are neither wrong nor a delay.
-#[test]
-fn a_rate_limit_of_a_few_steps_is_no_wrong_row() {
-    let steps = |time: f64| match time % 3.0 {
-        since if since < 0.16 => 0.06,
-        since if since < 0.3 => -0.06,
-        _ => 0.0,
-    };
-    let slow = |time: f64| 0.03 * (0.9 * time).sin();
-    let time = even(2000);
-    let command: Vec<f64> =
-        time.iter().map(|&time| if time < 15.0 { slow(time) } else { steps(time) }).collect();
-    let limited = SteeringChain { rate_limit: 0.8, ..chain(0.02, 0.05) };
-    let mut random = Random::new(31);
-    let mut angle = measured(&limited, &time, &command, || 3e-4 * gauss(&mut random));
-    for is_wrong in [false, true] {
-        if is_wrong {
-            (200..1900).step_by(170).for_each(|row| angle[row] += 0.02);
-        }
-        let found = found(drive_of(time.clone(), command.clone(), angle.clone()));
-        assert!((found.rate_limit.unwrap() - 0.8).abs() < 0.03, "{found:?}");
-        assert!((found.dead_time.value - 0.02).abs() < 2e-3, "{found:?}");
-        assert!((found.delay.value - 0.07).abs() < 2e-3, "{found:?}");
-        assert_eq!(found.left_out.len(), if is_wrong { 10 } else { 0 }, "{found:?}");
-    }
-}
-
 /// A recorder that repeats a command has not seen the commands between.
 #[test]
 fn commands_that_a_recorder_repeats_make_no_delay() {

@@ -55,7 +55,10 @@ impl BestPoint {
 
     /// True if it explains its rows better than another one does, by more than chance makes it.
     pub fn explains_more_than(&mut self, other: &Self) -> bool {
-        let mut other = other.on_rows_of(self);
+        // Both by the same rows.
+        let mut other = other.clone();
+        other.problem.rows.counts.clone_from(&self.problem.rows.counts);
+        other.best = other.problem.refine(&other.best, 0.02, 0.04);
         let noise = FitNoise::of(&mut self.problem, &self.best);
         other.problem.is_worse(&other.best, &mut self.problem, &self.best, &noise)
     }

@@ -77,34 +77,14 @@ impl BestPoint {
         (self.best.cost / self.problem.rows.counted().max(1) as f64).sqrt()
     }
 
-    /// With the rows, too, that a fit took for wrong; `None` where there are none.
-    pub fn with_all_rows(&self) -> Option<Self> {
-        let mut all = self.clone();
-        all.restore();
-        (all.problem.rows.counts != self.problem.rows.counts).then_some(all)
-    }
-
-    /// The best near the best, by the rows that count for another one.
-    pub fn on_rows_of(&self, other: &Self) -> Self {
-        let mut same = self.clone();
-        same.problem.rows.counts.clone_from(&other.problem.rows.counts);
-        same.best = same.problem.refine(&same.best, 0.02, 0.04);
-        same
-    }
-
-    /// Takes back what a fit said of the rows.
-    fn restore(&mut self) {
-        self.problem.rows.counts.copy_from_slice(&self.given.0);
-        self.problem.rows.left_out.truncate(self.given.1);
-    }
-
     /// Takes out rows whose residual stands out. All are judged anew: a rough fit is no judge for good.
     fn leave_out_outliers(&mut self) {
         let least = self.rms();
         let through_vehicle = !self.problem.response.free;
         self.problem.residuals(&self.best);
-        self.restore();
         let ActuatorProblem { rows, residual, .. } = &mut self.problem;
+        rows.counts.copy_from_slice(&self.given.0);
+        rows.left_out.truncate(self.given.1);
         let stretches: Vec<_> = rows.stretches().collect();
         let mut off = vec![0.0; rows.time.len()];
         let mut beside_off = off.clone();

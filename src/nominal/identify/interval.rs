@@ -158,7 +158,7 @@ impl ActuatorProblem {
     }
 
     /// Residuals of a point at the rows that count.
-    pub fn counted_residuals(&mut self, point: &Point) -> Vec<f64> {
+    fn counted_residuals(&mut self, point: &Point) -> Vec<f64> {
         self.residuals(point);
         let counts = &self.rows.counts;
         self.residual.iter().zip(counts).filter(|(_, counts)| **counts).map(|(r, _)| *r).collect()

@@ -5,11 +5,10 @@
 //! ```
 //!
 //! Limits are tried from the greatest observed rate downwards; then the best near it is found by golden sections, each with the
-//! best of the rest. What one explains is judged where it acts: a few quick steps tell it in however long a drive.
+//! best of the rest.
 
 use super::best_point::BestPoint;
 use super::fit::{ActuatorProblem, GRID, LEAST_NOISE, Point, ROUGH};
-use super::interval::FitNoise;
 use super::record::golden_section;
 
 /// Number of rate limits that are tried, each this share of the one before, from the greatest observed rate.
@@ -19,35 +18,21 @@ const LIMIT_RATIO: f64 = 0.82;
 const ROUGH_SECTIONS: u32 = 12;
 const FINE_SECTIONS: u32 = 6;
 const FINE_RATIO: f64 = 0.98;
-/// A rate limit must lower the error where it acts to this share of it.
+/// A rate limit must lower the error to this share of it.
 const CLEARLY_BETTER: f64 = 0.7;
 
 impl BestPoint {
     /// Finds a rate limit, if one explains the response clearly better.
-    pub fn limited(self) -> Self {
+    pub fn limited(mut self) -> Self {
         // What is exact has no limit.
         if self.rms() < 10.0 * LEAST_NOISE {
             return self;
         }
-        // Rows at a limit may have passed for wrong where there was none.
-        let judged_anew = self.with_all_rows();
-        let begins = [Some(&self), judged_anew.as_ref()];
-        let found = begins.into_iter().flatten().filter_map(Self::with_limit);
-        let Some(mut other) = found.min_by(|a, b| a.rms().total_cmp(&b.rms())) else { return self };
-        let mut without = self.on_rows_of(&other);
-        let noise = FitNoise::of(&mut other.problem, &other.best);
-        let is_more_than_chance =
-            without.problem.is_worse(&without.best, &mut other.problem, &other.best, &noise);
-        let errors = [&mut without, &mut other].map(|it| it.problem.counted_residuals(&it.best));
-        if is_more_than_chance && is_clearly_better(&errors) { other } else { self }
-    }
-
-    /// With the limit that lowers the error most, if one lowers it clearly.
-    fn with_limit(&self) -> Option<Self> {
+        let least = self.rms();
         let mut part = self.problem.part();
         let greatest = self.problem.greatest_rate() / self.best.beta[0].abs().max(1e-9);
-        let without = part.coarse(&self.best);
-        let mut best = (f64::INFINITY, without);
+        let mut best = (f64::INFINITY, part.coarse(&self.best));
+        let without = best.1.cost;
         for k in 0..LIMITS {
             let limit = greatest * LIMIT_RATIO.powi(k);
             part.response.rate_limit = limit;
@@ -56,12 +41,9 @@ impl BestPoint {
                 best = (limit, found);
             }
         }
-        let errors = [(f64::INFINITY, without), best].map(|(limit, point)| {
-            part.response.rate_limit = limit;
-            part.counted_residuals(&point)
-        });
-        if !is_clearly_better(&errors) {
-            return None;
+        let clear = CLEARLY_BETTER * CLEARLY_BETTER * without;
+        if best.1.cost.is_nan() || best.1.cost >= clear {
+            return self;
         }
         // The limit, with the best of the rest for each: a valley leads from a wrong limit to a wrong lag.
         let most = self.best.dead_time + self.best.lag + 2.0 * GRID;
@@ -71,7 +53,11 @@ impl BestPoint {
         let (limit, point) =
             Self::nearest_limit(&mut other.problem, found, FINE_RATIO, (FINE_SECTIONS, 0.01));
         (other.problem.response.rate_limit, other.best) = (limit, point);
-        Some(other.polished())
+        let other = other.polished();
+        if other.rms() < CLEARLY_BETTER * least {
+            self = other;
+        }
+        self
     }
 
     /// The best limit within a ratio of another, and its point with a dead time within a window of the other's.
@@ -87,14 +73,4 @@ impl BestPoint {
         };
         golden_section(near * ratio, near / ratio, sections, of, |(_, point)| point.cost)
     }
-}
-
-/// True if errors with a limit are clearly less than those without one, in rows in which the two answers differ by more than the
-/// error that is left.
-fn is_clearly_better([without, with]: &[Vec<f64>; 2]) -> bool {
-    let left = with.iter().map(|error| error * error).sum::<f64>() / with.len().max(1) as f64;
-    let acts = without.iter().zip(with).filter(|(without, with)| (*without - *with).powi(2) > left);
-    let [without, with] =
-        acts.fold([0.0; 2], |[a, b], (without, with)| [a + without * without, b + with * with]);
-    with < CLEARLY_BETTER * CLEARLY_BETTER * without
 }
