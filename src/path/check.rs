@@ -6,7 +6,7 @@ use super::error::{InputPlace, PathError};
 use super::noise::PointNoise;
 use super::note::Note;
 use super::sample::{Closure, PathOptions, RoadClass, Sample, Smoothing};
-use super::seam::Seam;
+use super::seam::{Seam, TURNS_BACK};
 use super::spline::{QuinticSpline, Vector, distance};
 use super::stops::{WIDTHS, usual_spacing, without_stops};
 use super::straight::fill;
@@ -18,8 +18,6 @@ use std::f64::consts::PI;
 
 /// Distance below which a point is the same as the one before (m).
 const SAME: f64 = 1e-6;
-/// Change of direction between two chords from which on a road is out of order (rad).
-pub(super) const TURNS_BACK: f64 = 2.2;
 /// Shortest road, and largest median spacing: beyond them the unit is another (m).
 const SHORTEST: f64 = 1.0;
 const SPACING: f64 = 500.0;

@@ -1,4 +1,4 @@
-//! How a road's end lies to its start: a lap leads on into it.
+//! The place of a road's end beside its start: a lap leads on into it.
 //!
 //! A tangent of each end comes from the parabola through its points, by their number; of noisy points, as many as are long against
 //! the noise. The end leads into the start if
@@ -11,11 +11,13 @@
 //! The chord lies between the middles of both ends' points: of a bend it has the direction at the seam. `most` is what the same sum
 //! is elsewhere on the road at most: its corners, and what noise makes of it. A road that came back beside its start turns by pi.
 
-use super::check::TURNS_BACK;
 use super::noise::{PointNoise, middle};
 use super::spline::{Vector, distance};
 use super::wrap_angle;
 use crate::numerics::statistics::upper_median;
+
+/// Change of direction between two chords from which on a road is out of order (rad).
+pub(super) const TURNS_BACK: f64 = 2.2;
 
 /// Distance of two measurements of one place, in standard deviations of a coordinate, that one pair in a thousand has.
 const SPREAD: f64 = 5.26;
@@ -24,7 +26,7 @@ const EXACT: usize = 3;
 /// Fewest points of a lap.
 const FEWEST: usize = 8;
 
-/// How an end lies to the start.
+/// Place of an end beside the start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Seam {
     /// Far from it, or the road has too few points to tell.
@@ -48,7 +50,7 @@ impl Seam {
         if gap > 2.0 * spacing(points, noise, median) + SPREAD * sigma {
             return Self::Apart;
         }
-        let piece = |from: usize| Piece::of(&points[from..from + size]);
+        let piece = |from: usize| SeamPiece::of(&points[from..from + size]);
         let along = (0..=n - 2 * size).step_by(stride);
         let most = along.map(|from| piece(from).turn_to(&piece(from + size))).fold(0.0, f64::max);
         let turn = piece(n - size).turn_to(&piece(0));
@@ -69,13 +71,13 @@ fn spacing(points: &[Vector], noise: Option<&PointNoise>, median: f64) -> f64 {
 }
 
 /// A piece of road through points.
-struct Piece {
+struct SeamPiece {
     middle: Vector,
     /// Headings at the first point and at the last, rad.
     headings: [f64; 2],
 }
 
-impl Piece {
+impl SeamPiece {
     /// The least-squares parabola of points, by their number.
     fn of(points: &[Vector]) -> Self {
         let half = 0.5 * (points.len() - 1) as f64;

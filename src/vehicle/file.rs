@@ -2,7 +2,6 @@
 
 use super::builtin;
 use super::effects::EffectOutOfRange;
-use super::plausible::Doubt;
 use super::tolerance::Tolerances;
 use super::tyre::{Coefficients, TirError, Tyre};
 use crate::input;
@@ -115,6 +114,15 @@ impl std::fmt::Display for VehicleKind {
             Self::Truck => "truck",
         })
     }
+}
+
+/// A doubtful number.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Doubt {
+    /// Section and key in the file.
+    pub name: &'static str,
+    /// Its contradiction to other numbers, and what it may have been meant to be.
+    pub words: String,
 }
 
 /// Parameters of a kind of vehicle, as a file gives them.

@@ -61,11 +61,10 @@ pub use effects::{
 };
 pub use explain::{Explanation, effect_like};
 pub(crate) use file::range_of;
-pub use file::{ParameterDeclaration, VehicleError, VehicleKind, VehicleParameters, VehiclePlace};
+pub use file::{Doubt, ParameterDeclaration, VehicleError, VehicleKind, VehicleParameters, VehiclePlace};
 pub use parameters::{
     Air, Axle, Body, Brake, CarParameters, GRAVITY, Pair, Powertrain, SingleTrack, Steering, builtin,
 };
-pub use plausible::Doubt;
 pub use reduced::{ReducedInput, ReducedOutput, ReducedStart, ReducedSteer, ReducedVehicle};
 pub use steering::{SteeringChain, SteeringState};
 pub use stepper::{LONGEST_STEP, PlantStepError, ROLLED_OVER, RestoreError, VehicleInput};

@@ -7,10 +7,9 @@
 use super::builtin::{BUILTIN, CARS};
 use super::effects::Effects;
 use super::file::{
-    self, ParameterDeclaration, VehicleError, VehicleKind, VehicleParameters, VehiclePlace, check_body,
-    reading, table,
+    self, Doubt, ParameterDeclaration, VehicleError, VehicleKind, VehicleParameters, VehiclePlace,
+    check_body, reading, table,
 };
-use super::plausible::Doubt;
 use super::tolerance::Tolerances;
 use super::tyre::{Coefficients, Tyre, TyreModel};
 use crate::path::AxleShares;

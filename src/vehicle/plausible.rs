@@ -10,17 +10,9 @@
 //!
 //! Springs and hitch contradict the rest by mechanics alone. Nothing is refused: a vehicle may be meant so.
 
+use super::file::Doubt;
 use super::parameters::{Axle, CarParameters, GRAVITY};
 use super::truck_parameters::TruckParameters;
-
-/// A doubtful number.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Doubt {
-    /// Section and key in the file.
-    pub name: &'static str,
-    /// What it contradicts, and what it may have been meant to be.
-    pub words: String,
-}
 
 /// A quotient that is alike in all vehicles.
 struct Quotient {
@@ -28,7 +20,7 @@ struct Quotient {
     range: (f64, f64),
     /// A slip that happens, as a factor of the quotient, and the unit that makes it.
     slip: (f64, Option<&'static str>),
-    /// What is so large or small, in words, and its unit.
+    /// The quantity that is so large or small, in words, and its unit.
     of: &'static str,
     unit: &'static str,
 }

@@ -7,11 +7,10 @@ use super::articulated::Articulated;
 use super::builtin::{BUILTIN_TRUCKS, TRUCKS};
 use super::effects::TruckEffects;
 use super::file::{
-    self, ParameterDeclaration, VehicleError, VehicleKind, VehicleParameters, VehiclePlace, check_body,
-    reading, table,
+    self, Doubt, ParameterDeclaration, VehicleError, VehicleKind, VehicleParameters, VehiclePlace,
+    check_body, reading, table,
 };
 use super::parameters::{Axle, Body, GRAVITY, Steering, relaxation_at_rest};
-use super::plausible::Doubt;
 use super::tolerance::Tolerances;
 use super::tyre::{Coefficients, Tyre};
 use crate::path::AxleShares;

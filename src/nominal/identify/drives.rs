@@ -17,27 +17,14 @@
 //! A dead time and a lag act alike on slow commands: if only their sum is known, this is reported.
 
 use super::best_point::BestPoint;
+use super::estimate::Estimate;
 use super::fit::{ActuatorProblem, LEAST_NOISE, LONGEST_DEAD_TIME, LONGEST_LAG, Point};
 use super::interval::{Along, Ends, FitNoise, GAUSS};
-use super::model_error::{ModelError, Reach};
+use super::model_error::{Reach, ResponseError};
 use super::response::Response;
 use super::rows::DriveRows;
 use super::steering_drive::{Between, LeftOut, SteeringDrive};
 use crate::nominal::{Actuator, DeadTimeModel, LateralVehicle, SingleTrackError};
-
-/// A number with its 90 % confidence interval.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimate {
-    /// Best value.
-    pub value: f64,
-    /// Lower end.
-    pub low: f64,
-    /// Upper end.
-    pub high: f64,
-    /// True if the drives determine it: the interval is narrow enough to be used, but for the errors of a vehicle's model
-    /// that lies between. No drive makes those smaller.
-    pub excited: bool,
-}
 
 /// A steering actuator as drives show it.
 #[derive(Debug, Clone, PartialEq)]
@@ -163,7 +150,7 @@ pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteeri
     };
     let mut found = held(&rows);
     if found.rms() <= 10.0 * LEAST_NOISE {
-        return found.identified(ModelError::default());
+        return found.identified(ResponseError::default());
     }
     let filled = rows.with_lost_rows(drives).map(|rows| held(&rows));
     let is_better = |filled: &mut BestPoint| {
@@ -182,7 +169,7 @@ pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteeri
     if line.rms() < LINE_BETTER * found.rms() {
         found = line.polished();
     }
-    found.identified(ModelError::default())
+    found.identified(ResponseError::default())
 }
 
 /// The actuator from drives whose response is the yaw rate, at whatever speeds. The linear model of the vehicle lies
@@ -225,7 +212,7 @@ fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<DriveRows, Driv
 }
 
 impl BestPoint {
-    fn identified(mut self, error: ModelError) -> Result<IdentifiedSteering, DrivesError> {
+    fn identified(mut self, error: ResponseError) -> Result<IdentifiedSteering, DrivesError> {
         let rows = self.problem.rows.counted();
         let variance: f64 = self
             .problem

@@ -11,11 +11,13 @@
 //! | `best_point.rs` | the best pair without rows that stand out |
 //! | `rate_limit.rs`, `backlash.rs` | what may lie beside the lag |
 //! | `model_error.rs` | what a linear vehicle between actuator and response gets wrong, as a spread of the constants |
+//! | `estimate.rs` | a number with its interval |
 //! | `interval.rs` | confidence intervals from the profile of the squares |
 
 mod backlash;
 mod best_point;
 mod drives;
+mod estimate;
 mod fit;
 mod interval;
 mod model_error;
@@ -25,8 +27,7 @@ mod response;
 mod rows;
 mod steering_drive;
 
-pub use drives::{
-    DrivesError, Estimate, IdentifiedSteering, identify_by_yaw_rate_from_drives, identify_from_drives,
-};
+pub use drives::{DrivesError, IdentifiedSteering, identify_by_yaw_rate_from_drives, identify_from_drives};
+pub use estimate::Estimate;
 pub use record::{DelayModel, IdentifiedActuator, IdentifyError, SteeringRecord};
 pub use steering_drive::{Between, LeftOut, SteeringDrive};

@@ -1,4 +1,4 @@
-//! What a linear vehicle between actuator and response gets wrong, as a spread of the constants.
+//! Errors of a linear vehicle between actuator and response, as a spread of the constants.
 //!
 //! For each way in which the vehicle may be off, by a standard deviation, its answer changes by `d(t)`. The constants that
 //! fit `y + d` and `y - d` differ from those that fit `y`; over all ways these differences add up as squares. An axle's
@@ -16,7 +16,7 @@
 //! Pacejka, Tire and Vehicle Dynamics, ch. 3.2 (brush), ch. 7.1 (relaxation lengths).
 
 use super::best_point::BestPoint;
-use super::drives::Estimate;
+use super::estimate::Estimate;
 use super::fit::{ActuatorProblem, Point};
 use super::interval::GAUSS;
 use crate::nominal::{LateralVehicle, SingleTrackError};
@@ -32,7 +32,7 @@ const LAGS: f64 = 0.02;
 const ROUNDS: usize = 4;
 const FINE: f64 = 3e-4;
 
-/// How far the truth may be below and above what fits best, with the confidence of the intervals.
+/// Distances of the truth below and above the best fit, with the confidence of the intervals.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Reach {
     below: f64,
@@ -55,7 +55,7 @@ impl Reach {
 
 /// The same of each constant; nothing where no vehicle lies between.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct ModelError {
+pub(super) struct ResponseError {
     pub dead_time: Reach,
     pub lag: Reach,
     pub delay: Reach,
@@ -79,7 +79,7 @@ impl BestPoint {
         &self,
         vehicle: &V,
         slowest: f64,
-    ) -> Result<ModelError, SingleTrackError> {
+    ) -> Result<ResponseError, SingleTrackError> {
         // A part tells how the constants answer.
         let mut part = self.problem.part();
         let best = part.settle(&self.best);
@@ -130,7 +130,7 @@ impl BestPoint {
             }
         }
         let [dead_time, lag, delay, gain, offset] = reaches;
-        Ok(ModelError { dead_time, lag, delay, gain, offset })
+        Ok(ResponseError { dead_time, lag, delay, gain, offset })
     }
 }
 

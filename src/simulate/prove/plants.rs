@@ -95,7 +95,7 @@ impl PlantMisfit {
 
 /// A candidate: places of front and rear stiffness, payload, gain and offset in their ranges, 0 to 1, and standard deviations of the
 /// actuator's sum and parts. The file's vehicle has none.
-type Place = Option<[f64; 7]>;
+type PlantPlace = Option<[f64; 7]>;
 
 /// A candidate's numbers.
 struct PlantCandidate {
@@ -109,16 +109,16 @@ struct PlantCandidate {
 }
 
 /// Candidates and their misfits.
-struct Family<'a> {
+struct PlantFamily<'a> {
     range: PlantRange,
     shown: &'a ShownActuator,
     mass: f64,
-    places: Vec<Place>,
+    places: Vec<PlantPlace>,
     misfits: Vec<Vec<BlockMisfit>>,
 }
 
-impl Family<'_> {
-    fn candidate(&self, place: &Place) -> PlantCandidate {
+impl PlantFamily<'_> {
+    fn candidate(&self, place: &PlantPlace) -> PlantCandidate {
         let prior = &self.shown.prior;
         let Some([front, rear, payload, gain, offset, sum, parts]) = *place else {
             return PlantCandidate {
@@ -168,9 +168,9 @@ impl Family<'_> {
     }
 
     /// The first generation, whose first is the file's vehicle, with the actuator that the logs show.
-    fn first(&self, random: &mut Random) -> Vec<Place> {
+    fn first(&self, random: &mut Random) -> Vec<PlantPlace> {
         let has_linkage = self.range.offset > 0.0;
-        let mut born: Vec<Place> = vec![];
+        let mut born: Vec<PlantPlace> = vec![];
         born.resize_with(FIRST, || {
             let uniform = [(); 3].map(|()| random.uniform());
             let normal = [(); 2].map(|()| normal(random));
@@ -182,7 +182,7 @@ impl Family<'_> {
     }
 
     /// The next generation.
-    fn next(&self, random: &mut Random) -> Vec<Place> {
+    fn next(&self, random: &mut Random) -> Vec<PlantPlace> {
         let of = |place: usize| self.places[place].unwrap_or([0.5, 0.5, 0.5, 0.5, 0.5, 0.0, 0.0]);
         let parents = self.best_of_resampled(BEST, random);
         let mut best = self.ranked_on_log();
@@ -228,7 +228,7 @@ pub fn explaining_plants<P: Compared<S, C>, const S: usize, const C: usize>(
     [seed, threads]: [u64; 2],
 ) -> Result<ExplainingPlants<P, S, C>, SingleTrackError> {
     let mut random = Random::stream(seed, 37);
-    let mut family = Family { range, shown, mass, places: vec![], misfits: vec![] };
+    let mut family = PlantFamily { range, shown, mass, places: vec![], misfits: vec![] };
     for generation in 0..=range.generations {
         let born = if generation == 0 { family.first(&mut random) } else { family.next(&mut random) };
         let misfits = parallel::map(parallel::threads(threads as usize), born.len(), |i| {
