@@ -5,6 +5,8 @@ Outputs are carried over once before the first step, too.
 """
 
 import json
+import os
+import sys
 
 from ecospy import EcosLib, EcosSimulation, EcosSimulationStructure
 from wiring import Loop, options
@@ -40,6 +42,10 @@ def main() -> None:
     simulation.terminate()
     simulation.free()
     given.out.write_text(json.dumps(columns))
+    # TBB's manager of threads (tcmlib 1.6) leaves a handler behind for the end of the process, and is unloaded before:
+    # up to one run in five ended in a segmentation fault there, all units freed.
+    sys.stdout.flush()
+    os._exit(0)
 
 
 if __name__ == "__main__":
