@@ -95,9 +95,7 @@ pub fn run(args: &PathArgs) -> Result<(), Box<dyn Error>> {
     if let Some(file) = &args.write {
         check_files(&[("--write", file)], &[("FILE", &args.file)])?;
     }
-    let closure = closure(args.closed, args.open);
-    let smoothing = args.smooth.map_or(Smoothing::AsAccurate, Smoothing::Within);
-    let path = Path::named(&args.file, &PathOptions { closure, smoothing, ..args.limit.road() })?;
+    let path = Path::named(&args.file, &reading(args.smooth, [args.closed, args.open], &args.limit))?;
     let limits =
         SpeedLimits { lateral_accel: args.lateral_accel, speed: args.speed, ..SpeedLimits::default() };
     let findings = look(&path, &limits);
@@ -114,13 +112,15 @@ pub fn run(args: &PathArgs) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The closure that `--closed` and `--open` ask for.
-pub(super) fn closure(closed: bool, open: bool) -> Closure {
-    match (closed, open) {
+/// How `--smooth`, `--closed`, `--open` and `--limit` ask to read a road.
+pub(super) fn reading(smooth: Option<f64>, [closed, open]: [bool; 2], limit: &LimitArgs) -> PathOptions {
+    let smoothing = smooth.map_or(Smoothing::AsAccurate, Smoothing::Within);
+    let closure = match (closed, open) {
         (true, _) => Closure::Closed,
         (_, true) => Closure::Open,
         _ => Closure::Detect,
-    }
+    };
+    PathOptions { closure, smoothing, ..limit.road() }
 }
 
 /// A warning, if a road bends more tightly than the vehicle turns.

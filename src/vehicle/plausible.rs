@@ -123,9 +123,9 @@ fn springs(axles: &[Loaded], moment: f64, cg_height: f64) -> Option<Doubt> {
     })
 }
 
-/// Wheelbase, else yaw inertia: a wrong wheelbase makes the inertia look wrong, too.
-fn lengths(wheelbase: Option<Doubt>, inertia: Option<Doubt>) -> Option<Doubt> {
-    wheelbase.or(inertia)
+/// Doubt about a body's yaw inertia in kg m2, by its mass in kg and length in m.
+fn turning(name: &'static str, inertia: f64, mass: f64, length: f64) -> Option<Doubt> {
+    INERTIA.doubt(name, name, inertia, "kg m2", inertia / (mass * length * length))
 }
 
 impl CarParameters {
@@ -143,17 +143,10 @@ impl CarParameters {
             "m",
             wheelbase / self.axle.front.track,
         );
-        let inertia = body.yaw_inertia;
-        let turning = INERTIA.doubt(
-            "vehicle.yaw_inertia",
-            "vehicle.yaw_inertia",
-            inertia,
-            "kg m2",
-            inertia / (body.mass * wheelbase * wheelbase),
-        );
         let moment = body.mass * GRAVITY * body.cg_height;
         let mut found = forces(self.drive.max_power, [self.drive.max_force, self.brake.max_force], body.mass);
-        found.extend(lengths(long, turning));
+        // A wrong wheelbase makes the inertia look wrong, too.
+        found.extend(long.or(turning("vehicle.yaw_inertia", body.yaw_inertia, body.mass, wheelbase)));
         found.extend(springs(&axles, moment, body.cg_height));
         found
     }
@@ -179,13 +172,7 @@ impl TruckParameters {
             "m",
             wheelbase / self.axle.front.track,
         );
-        let turning = |name, inertia: f64, mass: f64, length: f64| {
-            INERTIA.doubt(name, name, inertia, "kg m2", inertia / (mass * length * length))
-        };
-        found.extend(lengths(
-            long,
-            turning("tractor.yaw_inertia", tractor.yaw_inertia, tractor.mass, wheelbase),
-        ));
+        found.extend(long.or(turning("tractor.yaw_inertia", tractor.yaw_inertia, tractor.mass, wheelbase)));
         found.extend(turning("trailer.yaw_inertia", trailer.yaw_inertia, trailer.mass, length));
         let place = self.hitch.cg_to_hitch;
         if place < 0.0 {

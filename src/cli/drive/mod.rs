@@ -23,13 +23,12 @@ pub use stepwise::Stepwise;
 
 use super::files::{Named, check_files, given};
 use super::logs::LimitArgs;
-use super::path::closure;
+use super::path::reading;
 use super::require::{Check, Requirement, figures_help, write_junit};
 use super::vehicle::{Commanded, VehicleLinearModel, by_kind};
 use super::{progress_bar, said};
 use crate::control::{ControlVariant, ControllerFile, ControllerFor, PredictionModelFor};
 use crate::input;
-use crate::path::{PathOptions, Smoothing};
 use crate::simulate::{LaneLimits, STATION};
 use crate::vehicle::{BUILTIN, VehicleParameters as _};
 use clap::Args;
@@ -290,9 +289,7 @@ fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
     (Setup<P, S, C>, ControlVariant, PredictionModelFor<VehicleLinearModel<P, S, C>, S>),
     Box<dyn Error>,
 > {
-    let smoothing = args.smooth.map_or(Smoothing::AsAccurate, Smoothing::Within);
-    let closure = closure(args.closed, args.open);
-    let reading = PathOptions { closure, smoothing, ..args.limit.road() };
+    let reading = reading(args.smooth, [args.closed, args.open], &args.limit);
     let mut setup = Setup::<P, S, C>::new(args.path.as_deref(), &reading, P::TEST, &args.vehicle, &[])?;
     let mut model = args.model.clone();
     if let Some(file) = &args.controller {

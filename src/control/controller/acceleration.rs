@@ -107,9 +107,9 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         state.on_path |= !far && report.e1.abs() < guard.slow_e1;
         let guarded = guard.active != 0 && state.on_path;
         if far {
-            let turned = self.path.least_turn(report.station, report.e2).abs() > FAR_E2;
-            let left = report.e1.abs() > FAR_E1 || turned;
-            return if guarded && left { 0.0 } else { APPROACH_SPEED };
+            let turned = || self.path.least_turn(report.station, report.e2).abs() > FAR_E2;
+            let stops = guarded && (report.e1.abs() > FAR_E1 || turned());
+            return if stops { 0.0 } else { APPROACH_SPEED };
         }
         let growth = report.e1.signum() * report.e1_rate;
         let mut share = 1.0;

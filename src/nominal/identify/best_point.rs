@@ -98,8 +98,8 @@ impl BestPoint {
                     .collect();
                 let middle = upper_median(&mut beside);
                 off[row] = (residual[row] - middle).abs();
-                beside.iter_mut().for_each(|residual| *residual = (*residual - middle).abs());
                 if through_vehicle {
+                    beside.iter_mut().for_each(|residual| *residual = (*residual - middle).abs());
                     beside_off[row] = upper_median(&mut beside);
                 }
             }

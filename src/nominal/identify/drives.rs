@@ -20,7 +20,7 @@ use super::best_point::BestPoint;
 use super::estimate::Estimate;
 use super::fit::{ActuatorProblem, LEAST_NOISE, LONGEST_DEAD_TIME, LONGEST_LAG, Point};
 use super::interval::{Along, Ends, FitNoise, GAUSS};
-use super::model_error::{Reach, ResponseError};
+use super::model_error::{ConstantsReach, Reach};
 use super::response::Response;
 use super::rows::DriveRows;
 use super::steering_drive::{Between, LeftOut, SteeringDrive};
@@ -150,7 +150,7 @@ pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteeri
     };
     let mut found = held(&rows);
     if found.rms() <= 10.0 * LEAST_NOISE {
-        return found.identified(ResponseError::default());
+        return found.identified(ConstantsReach::default());
     }
     let filled = rows.with_lost_rows(drives).map(|rows| held(&rows));
     let is_better = |filled: &mut BestPoint| {
@@ -169,7 +169,7 @@ pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteeri
     if line.rms() < LINE_BETTER * found.rms() {
         found = line.polished();
     }
-    found.identified(ResponseError::default())
+    found.identified(ConstantsReach::default())
 }
 
 /// The actuator from drives whose response is the yaw rate, at whatever speeds. The linear model of the vehicle lies
@@ -212,7 +212,7 @@ fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<DriveRows, Driv
 }
 
 impl BestPoint {
-    fn identified(mut self, error: ResponseError) -> Result<IdentifiedSteering, DrivesError> {
+    fn identified(mut self, error: ConstantsReach) -> Result<IdentifiedSteering, DrivesError> {
         let rows = self.problem.rows.counted();
         let variance: f64 = self
             .problem

@@ -55,7 +55,7 @@ impl Reach {
 
 /// The same of each constant; nothing where no vehicle lies between.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct ResponseError {
+pub(super) struct ConstantsReach {
     pub dead_time: Reach,
     pub lag: Reach,
     pub delay: Reach,
@@ -79,7 +79,7 @@ impl BestPoint {
         &self,
         vehicle: &V,
         slowest: f64,
-    ) -> Result<ResponseError, SingleTrackError> {
+    ) -> Result<ConstantsReach, SingleTrackError> {
         // A part tells how the constants answer.
         let mut part = self.problem.part();
         let best = part.settle(&self.best);
@@ -130,7 +130,7 @@ impl BestPoint {
             }
         }
         let [dead_time, lag, delay, gain, offset] = reaches;
-        Ok(ResponseError { dead_time, lag, delay, gain, offset })
+        Ok(ConstantsReach { dead_time, lag, delay, gain, offset })
     }
 }
 

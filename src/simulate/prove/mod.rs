@@ -4,9 +4,8 @@
 //! A log is explained by many plants. Candidates differ in stiffness, payload, dead time and lag; each has a one-step
 //! misfit on each block of the log. A bootstrap over the blocks draws among them: the best on a resampled log. Candidates
 //! are close to the vehicle's file; only where none of those explains the logs, and the model fails, are they any vehicles
-//! of its kind. Each
-//! drive has a plant and a road of its own draw, unseen in training, and is made with the model and without. The model
-//! is better if
+//! of its kind. Each drive has a plant and a road of its own draw, unseen in training, and is made with the model and
+//! without. The model is better if
 //!
 //! ```text
 //! none is lost,   mean_i mean|e1| < that of the default,   and in no drive i mean|e1| or max|e1| is worse by more than is allowed,

@@ -47,8 +47,7 @@ impl PlantRange {
         Self { stiffness: (0.75, 1.2), payload: 0.25, gain: (1.0, 1.0), offset: 0.0, generations: 0 };
     /// A vehicle of the file's kind: half the stiffness where the file has a sport tyre and the vehicle a soft winter tyre, twice the other
     /// way round, and a fifth more; the payload of a laden van; another steering ratio than the file's, and wheels a degree
-    /// off. Where the best eighth of a generation spans the next, each is two
-    /// thirds as wide in five directions.
+    /// off. Where the best eighth of a generation spans the next, each is three quarters as wide in seven directions.
     pub const OF_THE_KIND: Self =
         Self { stiffness: (0.4, 2.0), payload: 0.5, gain: (0.8, 1.25), offset: 0.02, generations: 8 };
 }
