@@ -4,6 +4,7 @@
 //! part of the rest that a model learned from past commands removes. The model is a ridge regression on lagged
 //! steering, by speed.
 
+use super::calibration::Calibration;
 use super::fit::{Fit, Linearisation, Prior, fit};
 use super::problem::{Problem, rms};
 use super::rank::Ranking;
@@ -117,11 +118,18 @@ pub struct Predictive {
 }
 
 impl Predictive {
-    /// True if the effects predict. By themselves they must beat the simulator as given; or, with all else within
-    /// tolerance, all that without them.
+    /// What a prediction gains by the effects, as evidence: by them alone over the simulator as given; or, with all else
+    /// within tolerance, over all that without them.
+    fn gained(&self) -> f64 {
+        (self.given - self.effect).max(self.without - self.recalibrated)
+    }
+
+    /// True if so many effects predict: they gain what makes them more probable than nothing. Chance alone gains
+    /// something every other time. The difference of two held-out log scores is a logarithm of a Bayes factor (Geisser
+    /// and Eddy, J. Am. Stat. Assoc. 74, 1979).
     #[must_use]
-    pub fn names(&self) -> bool {
-        self.effect < self.given || self.recalibrated < self.without
+    pub fn names(&self, effects: usize) -> bool {
+        self.gained() > Calibration::built_in().telling() * effects as f64
     }
 
     /// True if a recalibration besides the effects predicts better than they alone.
@@ -286,21 +294,33 @@ fn at_horizon<V: ReplayVehicle>(
 
 #[cfg(test)]
 mod tests {
-    use super::Predictive;
+    use super::{Calibration, Predictive};
 
     #[test]
-    fn effects_that_predict_no_better_than_without_them_are_not_named() {
-        for ([given, effect, recalibrated, without], names, gains) in [
-            // Better than the simulator as given; better than all else recalibrated.
-            ([9.0, 4.0, 3.0, 8.0], true, true),
-            ([9.0, 4.0, 5.0, 4.5], true, false),
-            ([9.0, 10.0, 3.0, 8.0], true, true),
-            // Neither.
-            ([9.0, 9.0, 8.0, 8.0], false, true),
-            ([9.0, 12.0, 8.0, 3.0], false, true),
+    fn effects_that_predict_hardly_better_than_without_them_are_not_named() {
+        let telling = Calibration::built_in().telling();
+        let (much, little) = (1.1 * telling, 0.9 * telling);
+        // Gains of the effects alone over the simulator as given, and of all over all without them.
+        for (alone, beside, of_one, of_two) in [
+            (much, much, true, false),
+            (2.0 * much, -9.0, true, true),
+            (-90.0, 2.0 * much, true, true),
+            (much, -9.0, true, false),
+            (little, little, false, false),
+            (-90.0, 0.8, false, false),
+            (-90.0, -9.0, false, false),
         ] {
-            let found = Predictive { given, effect, recalibrated, without };
-            assert_eq!((found.names(), found.recalibration_gains()), (names, gains), "{found:?}");
+            let (given, without) = (900.0, 800.0);
+            let found = Predictive { given, effect: given - alone, recalibrated: without - beside, without };
+            assert_eq!((found.names(1), found.names(2)), (of_one, of_two), "{found:?}");
+        }
+    }
+
+    #[test]
+    fn a_recalibration_gains_where_it_predicts_better_than_the_effects_alone() {
+        for (effect, recalibrated, gains) in [(4.0, 3.0, true), (4.0, 5.0, false), (4.0, 4.0, false)] {
+            let found = Predictive { given: 9.0, effect, recalibrated, without: 8.0 };
+            assert_eq!(found.recalibration_gains(), gains, "{found:?}");
         }
     }
 }

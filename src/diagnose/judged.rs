@@ -191,7 +191,8 @@ pub(super) fn judge<V: ReplayVehicle>(
     let winner = ranking.find(&lead.effects).unwrap_or(&ranking.none).clone();
     let local = ranking.linear_at(problem, &winner);
     let (gap_reduction, predictive) = gap_reduction(problem, ranking, &winner, &local.slopes);
-    let mut decision = decide(lead, predictive.names());
+    let predicts = predictive.names(lead.effects.len());
+    let mut decision = decide(lead, predicts);
     // A pair explains no less than the better of its two: here more than the odds against both.
     let odds = 2.0 * Calibration::built_in().telling();
     let by_one = ranking.singles.first().filter(|best| ranking.none.cost - best.cost > odds);

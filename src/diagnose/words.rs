@@ -233,11 +233,11 @@ pub fn cannot_tell(
     let list: Vec<String> = short_list.iter().filter(|it| it.probability >= LISTED).map(of).collect();
     let mut words =
         format!("This log cannot tell. It may be, with these probabilities, {}.", list.join("; "));
-    if !effects.is_empty() && !predictive.names() {
+    if !effects.is_empty() && !predictive.names(effects.len()) {
         let named: Vec<&str> = effects.iter().map(|it| it.id.as_str()).collect();
         words += &format!(
-            " Fitted on one half of the log, {} does not predict the other half better than a simulator adjusted without: no cause is \
-             named that does not.",
+            " Fitted on one half of the log, {} hardly predicts the other half better than a simulator adjusted without: no cause is \
+             named that gains so little.",
             named.join(" and "),
         );
     }
