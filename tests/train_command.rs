@@ -119,6 +119,12 @@ fn a_model_of_a_vehicle_far_from_its_file_is_proven_on_other_plants_of_its_kind(
     assert_eq!(fit["models"][0]["proven"], Value::from(true), "{said}");
     let left = |o: usize| fit["models"][0]["proof"]["plants"]["left"][o].as_f64().unwrap();
     assert!(left(0) < 0.2 && left(1) < 0.2, "{} and {} are left: {said}", left(0), left(1));
+    for drive in fit["models"][0]["proof"]["drives"].as_array().unwrap() {
+        let name = drive["name"].as_str().unwrap();
+        let (front, rear) = name["stiffness ".len()..].split_once(',').unwrap().0.split_once('/').unwrap();
+        let stiffness = [front, rear].map(|factor| factor.parse::<f64>().unwrap());
+        assert!(stiffness.iter().all(|factor| (0.4..0.5).contains(factor)), "{name}");
+    }
 }
 
 #[test]

@@ -27,13 +27,6 @@ pub(super) trait Commanded<const S: usize, const C: usize>: Compared<S, C> {
     /// The road to be measured on.
     const TEST: Route;
 
-    /// The linear model with other stiffness (factors, front and rear) and a payload in kg.
-    fn loaded(
-        of: VehicleLinearModel<Self, S, C>,
-        stiffness: [f64; 2],
-        payload: f64,
-    ) -> VehicleLinearModel<Self, S, C>;
-
     /// The mass that a payload is compared with, kg.
     fn mass(of: &VehicleLinearModel<Self, S, C>) -> f64;
 
@@ -53,10 +46,6 @@ pub(super) trait Commanded<const S: usize, const C: usize>: Compared<S, C> {
 impl Commanded<ERRORS, CAR_COLUMNS> for Car {
     const TEST: Route = Route::SudokuTest;
 
-    fn loaded(of: SingleTrack, [front, rear]: [f64; 2], payload: f64) -> SingleTrack {
-        SingleTrack { mass: of.mass + payload, cf: of.cf * front, cr: of.cr * rear, ..of }
-    }
-
     fn mass(of: &SingleTrack) -> f64 {
         of.mass
     }
@@ -74,12 +63,6 @@ impl Commanded<ERRORS, CAR_COLUMNS> for Car {
 
 impl Commanded<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
     const TEST: Route = Route::TruckTest;
-
-    fn loaded(of: Articulated, [front, rear]: [f64; 2], payload: f64) -> Articulated {
-        let [steered, driven, trailer] = of.stiffness;
-        let stiffness = [steered * front, driven * rear, trailer * rear];
-        Articulated { mass2: of.mass2 + payload, stiffness, ..of }
-    }
 
     fn mass(of: &Articulated) -> f64 {
         of.mass2

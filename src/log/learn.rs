@@ -15,6 +15,7 @@ use super::road::{FAR, follow};
 use super::rows::LogColumns;
 use crate::path::Path;
 use crate::residual::Drive;
+use crate::signal;
 use std::path::PathBuf;
 
 const NEEDED: &str = "time, steer_cmd (or steer), vx, and e1, e1_rate, e2, e2_rate, curvature, or else x, y, yaw, vy, \
@@ -151,6 +152,8 @@ fn drive_of(
     let further = |name| log.column(name).map(<[f64]>::to_vec).unwrap_or_default();
     drive.articulation = further("articulation");
     drive.articulation_rate = further("articulation_rate");
+    drive.bank = further(signal::BANK.name);
+    drive.friction = further(signal::FRICTION.name);
     let absent = log.without(&ERRORS);
     let pose = log.without(&POSE);
     let all = [&absent[..], &log.without(&["curvature_rate"])].concat();

@@ -19,7 +19,7 @@ use super::recorded::{DataReport, Drive, DriveRow, Recorded};
 use super::table::Columns;
 use crate::nominal::{DiscreteErrorModel, ERRORS, LateralVehicle};
 use crate::numerics::Fnv;
-use crate::vehicle::SingleTrack;
+use crate::vehicle::{SingleTrack, Surface};
 use nalgebra::SVector;
 
 /// Controller for which the samples are made.
@@ -52,11 +52,12 @@ pub struct DataSet<V = SingleTrack, const S: usize = ERRORS> {
 }
 
 /// The rows.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 struct DatasetRows<const S: usize> {
     states: Vec<[f64; S]>,
     commands: Vec<f64>,
     road: Vec<[f64; ROAD]>,
+    surfaces: Vec<Surface>,
     labels: Vec<Option<[f64; S]>>,
     /// Rows before this one in its uninterrupted stretch.
     before: Vec<u32>,
@@ -87,14 +88,14 @@ impl<V: LateralVehicle<S>, const S: usize> DataSet<V, S> {
         }
         checks::units(&stretches, vehicle.wheelbase(), config.sample_time)?;
         checks::variation(&stretches, &V::STATES, &mut report)?;
-        let mut rows =
-            DatasetRows { states: vec![], commands: vec![], road: vec![], labels: vec![], before: vec![] };
+        let mut rows = DatasetRows::default();
         let mut model = None;
         for stretch in &stretches {
             for (i, row) in stretch.iter().enumerate() {
                 rows.states.push(row.state);
                 rows.commands.push(row.command);
                 rows.road.push(row.road);
+                rows.surfaces.push(row.surface);
                 rows.before.push(i as u32);
                 let label = (i + 1 < stretch.len())
                     .then(|| label(vehicle, config, stretch, i, &mut model))
@@ -152,10 +153,14 @@ impl<V, const S: usize> DataSet<V, S> {
     }
 
     /// The rows again, stretch by stretch.
-    pub(super) fn stretches(&self) -> impl Iterator<Item = Vec<DriveRow<S>>> {
+    pub(crate) fn stretches(&self) -> impl Iterator<Item = Vec<DriveRow<S>>> {
         let data = &self.rows;
-        let row =
-            |i: usize| DriveRow { command: data.commands[i], state: data.states[i], road: data.road[i] };
+        let row = |i: usize| DriveRow {
+            command: data.commands[i],
+            state: data.states[i],
+            road: data.road[i],
+            surface: data.surfaces[i],
+        };
         let starts = (0..data.before.len()).filter(|&i| data.before[i] == 0);
         starts.map(move |start| {
             let end = (start + 1..data.before.len()).find(|&i| data.before[i] == 0);
@@ -199,7 +204,7 @@ impl<V, const S: usize> DataSet<V, S> {
 const ACCELERATION_ROWS: usize = 5;
 
 /// Longitudinal acceleration near row `i` of a stretch, m/s2.
-pub(super) fn acceleration<const S: usize>(stretch: &[DriveRow<S>], i: usize, sample_time: f64) -> f64 {
+pub(crate) fn acceleration<const S: usize>(stretch: &[DriveRow<S>], i: usize, sample_time: f64) -> f64 {
     let (from, to) =
         (i.saturating_sub(ACCELERATION_ROWS), (i + 1 + ACCELERATION_ROWS).min(stretch.len() - 1));
     (stretch[to].road[0] - stretch[from].road[0]) / ((to - from) as f64 * sample_time)

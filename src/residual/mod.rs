@@ -53,7 +53,6 @@
 //! | `checks.rs` | faults of recorded drives |
 //! | `table.rs`, `tree.rs`, `forest.rs` | binning, CART, random forests and their look-up |
 //! | `least_squares.rs` | QR and normal equations, ridge |
-//! | `explain.rs` | explanation of the samples by another vehicle |
 //! | `actuator.rs`, `prior.rs` | the actuator that the samples show, and the prior that it gives the effects of commands |
 //! | `global.rs`, `leaf.rs` | one linear model for all; models in leaves |
 //! | `train_config.rs`, `train.rs` | from a data set to a model and a report of its fit |
@@ -70,7 +69,6 @@
 mod actuator;
 mod checks;
 mod dataset;
-mod explain;
 mod file;
 mod fits;
 mod forest;
@@ -94,8 +92,8 @@ mod tree;
 
 pub use actuator::{ShownActuator, ShownBy};
 pub use checks::DataError;
+pub(crate) use dataset::acceleration;
 pub use dataset::{DataConfig, DataSet, Windows};
-pub use explain::BlockMisfit;
 pub(crate) use file::in_file;
 pub use file::{FORMAT, FileError, FileKind};
 pub use fits::{Expected, ModelMismatch};
@@ -108,6 +106,7 @@ pub use measure::FitErrors;
 pub use model::{Coefficients, ResidualModel, ResidualModelFor};
 pub(crate) use prior::write_residual_of_actuator;
 pub use prior::{CommandPrior, residual_of_actuator};
+pub(crate) use recorded::DriveRow;
 pub use recorded::{DataReport, Drive};
 pub use schema::{Kind, Range, Regressors, Schema, Training, TreeFeatures};
 pub use stages::{Progress, TrainingStage};

@@ -1,7 +1,8 @@
 //! Drives as recorded, row by row, and the report of their repairs.
 
 use super::ROAD;
-use crate::signal::Signal;
+use crate::signal::{self, Signal};
+use crate::vehicle::Surface;
 
 /// One drive in columns of equal length.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -30,6 +31,10 @@ pub struct Drive {
     pub articulation: Vec<f64>,
     /// Its rate, rad/s.
     pub articulation_rate: Vec<f64>,
+    /// Bank of the road, rad; empty where none is told.
+    pub bank: Vec<f64>,
+    /// Factor of the road on the tyres' friction; empty where none is told.
+    pub friction: Vec<f64>,
 }
 
 impl Drive {
@@ -67,8 +72,12 @@ impl Drive {
     /// The column of a name; empty if drives have none of that name.
     #[must_use]
     pub fn column(&self, name: &str) -> &[f64] {
-        let further: [(&str, &[f64]); 2] =
-            [("articulation", &self.articulation), ("articulation_rate", &self.articulation_rate)];
+        let further: [(&str, &[f64]); 4] = [
+            ("articulation", &self.articulation),
+            ("articulation_rate", &self.articulation_rate),
+            (signal::BANK.name, &self.bank),
+            (signal::FRICTION.name, &self.friction),
+        ];
         let mut all = self.columns().into_iter().chain(further);
         all.find(|(known, _)| *known == name).map_or(&[], |(_, column)| column)
     }
@@ -80,13 +89,16 @@ pub(super) struct Recorded<'a, const S: usize> {
     pub name: &'a str,
     /// Time, command, states, road.
     pub columns: Vec<(&'static str, &'a [f64])>,
+    /// Bank and friction of the road, empty where they are not told.
+    surface: [&'a [f64]; 2],
 }
 
 impl<'a, const S: usize> Recorded<'a, S> {
     pub fn new(drive: &'a Drive, states: &[Signal; S]) -> Self {
         let states = states.iter().map(|signal| signal.name);
         let names = ["time", "steer_cmd"].into_iter().chain(states).chain(ROAD_NAMES);
-        Self { name: &drive.name, columns: names.map(|name| (name, drive.column(name))).collect() }
+        let columns = names.map(|name| (name, drive.column(name))).collect();
+        Self { name: &drive.name, columns, surface: [&drive.bank, &drive.friction] }
     }
 
     pub fn time(&self) -> &'a [f64] {
@@ -95,10 +107,15 @@ impl<'a, const S: usize> Recorded<'a, S> {
 
     pub fn row(&self, i: usize) -> DriveRow<S> {
         let at = |column: usize| self.columns[column].1[i];
+        let level = Surface::default();
+        let told = |place: usize, level: f64| {
+            self.surface[place].get(i).copied().filter(|value| value.is_finite()).unwrap_or(level)
+        };
         DriveRow {
             command: at(1),
             state: std::array::from_fn(|s| at(2 + s)),
             road: std::array::from_fn(|r| at(2 + S + r)),
+            surface: Surface { bank: told(0, level.bank), friction: told(1, level.friction), ..level },
         }
     }
 }
@@ -108,11 +125,14 @@ pub(super) const ROAD_NAMES: [&str; ROAD] = ["vx", "curvature", "curvature_rate"
 
 /// One row of a drive.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct DriveRow<const S: usize> {
+pub(crate) struct DriveRow<const S: usize> {
+    /// Angle at the wheels that is planned, rad.
     pub command: f64,
     pub state: [f64; S],
     /// Speed, curvature, curvature rate.
     pub road: [f64; ROAD],
+    /// The road below.
+    pub surface: Surface,
 }
 
 /// Findings in the drives, and repairs made.

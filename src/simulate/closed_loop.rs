@@ -356,6 +356,8 @@ impl<const C: usize> DriveFor<C> {
         // Empty for a vehicle without.
         log.articulation = self.column(signal::ARTICULATION.name);
         log.articulation_rate = self.column(signal::ARTICULATION_RATE.name);
+        log.bank = self.column(signal::BANK.name);
+        log.friction = self.column(signal::FRICTION.name);
         log
     }
 

@@ -10,8 +10,8 @@ use crate::path::Path;
 use crate::signal::{self, Signal};
 use crate::vehicle::car::CarError;
 use crate::vehicle::{
-    Car, CarParameters, Effects, PlantStepError, Truck, TruckEffects, TruckError, TruckParameters,
-    VehicleInput,
+    Car, CarParameters, Effects, PlantStepError, ReducedVehicle, Truck, TruckEffects, TruckError,
+    TruckParameters, VehicleInput, car, truck,
 };
 use std::sync::Arc;
 
@@ -51,6 +51,15 @@ pub trait SimulatedVehicle<const S: usize, const C: usize>: Sized {
         road: Option<Arc<Path>>,
     ) -> Result<Self, Self::Error>;
 
+    /// Makes it without its fast motions, for many replays.
+    ///
+    /// # Errors
+    /// As [`make`](Self::make).
+    fn reduced(
+        parameters: &Self::Parameters,
+        effects: &Self::Effects,
+    ) -> Result<Box<dyn ReducedVehicle>, Self::Error>;
+
     /// Places it: m, rad, m/s.
     fn place(&mut self, x: f64, y: f64, yaw: f64, vx: f64);
 
@@ -77,7 +86,7 @@ pub const TRUCK_COLUMNS: usize = COLUMNS.len() + 2;
 
 /// Makes, places and steps as the vehicle itself does.
 macro_rules! as_itself {
-    () => {
+    ($kind:ident) => {
         fn effect<'a>(effects: &'a mut Self::Effects, id: &str) -> Option<&'a mut f64> {
             effects.get_mut(id)
         }
@@ -88,6 +97,13 @@ macro_rules! as_itself {
             road: Option<Arc<Path>>,
         ) -> Result<Self, Self::Error> {
             Self::new(parameters, effects, road)
+        }
+
+        fn reduced(
+            parameters: &Self::Parameters,
+            effects: &Self::Effects,
+        ) -> Result<Box<dyn ReducedVehicle>, Self::Error> {
+            $kind::reduced(parameters, effects)
         }
 
         fn place(&mut self, x: f64, y: f64, yaw: f64, vx: f64) {
@@ -121,7 +137,7 @@ impl SimulatedVehicle<ERRORS, CAR_COLUMNS> for Car {
         ControllerParameters::of_the_papers(parameters)
     }
 
-    as_itself!();
+    as_itself!(car);
 
     fn measured(&self) -> Measurement {
         let car = self.output();
@@ -167,7 +183,7 @@ impl SimulatedVehicle<TRUCK_STATES, TRUCK_COLUMNS> for Truck {
         TruckControllerParameters::of_the_papers(parameters)
     }
 
-    as_itself!();
+    as_itself!(truck);
 
     fn measured(&self) -> Measurement {
         let truck = self.output();

@@ -43,30 +43,32 @@ where
         left: &[f64; S],
     ) -> Result<(Value, Result<(), NotBetter>), Box<dyn Error>> {
         let left = [left[1], left[3]];
-        let close = self.explaining(PlantRange::OF_THE_FILE)?;
-        let (value, verdict) = self.drive(model, &close)?;
-        let Err(reason) = verdict else { return Ok((value, verdict)) };
-        if matches!(reason, NotBetter::Lost { .. }) || close.misfit.explains(left) {
-            return Ok((value, Err(reason)));
-        }
-        // On a plant of another kind the model is worse for a reason that the vehicle does not have.
-        let others = self.explaining(PlantRange::OF_THE_KIND)?;
-        if !others.misfit.explains(left) {
-            return Ok((value, Err(NotBetter::Unexplained { plants: others.misfit, model: left })));
-        }
-        say!(
-            "proof: no plant close to the vehicle's file explains the logs; others do, and are driven instead"
-        );
-        self.drive(model, &others)
+        let (close, others) =
+            (self.explaining(PlantRange::OF_THE_FILE)?, self.explaining(PlantRange::OF_THE_KIND)?);
+        let plants = if close.misfit.explains(others.misfit.left) {
+            close
+        } else {
+            say!(
+                "proof: no plant close to the vehicle's file explains the logs; others of its kind are driven instead"
+            );
+            others
+        };
+        let (value, verdict) = self.drive(model, &plants)?;
+        let verdict = verdict.map_err(|reason| match reason {
+            // On a plant of another kind the model is worse for a reason that the vehicle does not have.
+            NotBetter::Lost { .. } => reason,
+            _ if plants.misfit.explains(left) => reason,
+            _ => NotBetter::Unexplained { plants: plants.misfit, model: left },
+        });
+        Ok((value, verdict))
     }
 
     /// Plants of a range that explain the logs.
     fn explaining(&self, range: PlantRange) -> Result<ExplainingPlants<P, S, C>, Box<dyn Error>> {
         let nominal = self.controller.vehicle.nominal();
         let mass = P::mass(&nominal);
-        let loaded = |stiffness, payload| P::loaded(nominal, stiffness, payload);
         let numbers = [self.args.tuning.seed, self.args.tuning.threads as u64];
-        Ok(explaining_plants(self.data, &self.shown, &self.vehicle, range, mass, &loaded, numbers)?)
+        Ok(explaining_plants(self.data, &self.shown, &self.vehicle, range, mass, numbers)?)
     }
 
     /// Drives of plants without the model and with it, and the verdict.

@@ -1,10 +1,10 @@
 //! Proof that a learned model is better than the default controller: closed-loop drives of plants that explain the
 //! logs.
 //!
-//! A log is explained by many plants. Candidates differ in stiffness, payload, dead time and lag; each has a one-step
-//! misfit on each block of the log. A bootstrap over the blocks draws among them: the best on a resampled log. Candidates
-//! are close to the vehicle's file; only where none of those explains the logs, and the model fails, are they any vehicles
-//! of its kind. Each drive has a plant and a road of its own draw, unseen in training, and is made with the model and
+//! A log is explained by many plants. Candidates differ in stiffness, payload, dead time and lag; each has a misfit on each window
+//! of the log, in the simulator that is then driven (`misfit.rs`). A bootstrap over the windows draws among them: the best on a
+//! resampled log. Candidates are close to the vehicle's file; where those leave most of what other vehicles of the kind explain,
+//! they are these. Each drive has a plant and a road of its own draw, unseen in training, and is made with the model and
 //! without. The model is better if
 //!
 //! ```text
@@ -17,6 +17,7 @@
 //!
 //! Source: block bootstrap, Kuensch 1989; Efron and Tibshirani, An Introduction to the Bootstrap, 1993, ch. 8.6.
 
+mod misfit;
 mod paired;
 mod plants;
 
@@ -125,8 +126,8 @@ pub enum NotBetter {
     },
     /// It is not better on plants that are none of the log's.
     #[error(
-        "no plant of our family explains these logs as well as the model: of the one-step errors of the file's vehicle the best plant \
-         leaves {:.0} % (lateral) and {:.0} % (yaw), the model {:.0} % and {:.0} %. So simulated drives do not tell which is better",
+        "no plant of our family explains these logs as well as the model: of the errors of the file's vehicle the best plant leaves \
+         {:.0} % (sideways) and {:.0} % (yaw), the model {:.0} % and {:.0} % in one step. So simulated drives do not tell which is better",
         100.0 * plants.left[0], 100.0 * plants.left[1], 100.0 * model[0], 100.0 * model[1],
     )]
     Unexplained {
