@@ -144,9 +144,17 @@ fn only_what_a_user_should_act_on_is_a_warning_of_the_road<M: Controller>() {
     let folder = tempfile::tempdir().unwrap();
     let doubled: String = (0..100).map(|i| format!("{},0\n", i.min(98))).collect();
     let corner: String = (0..200).map(|i| format!("{},{}\n", i.min(100), (i - 100).max(0))).collect();
+    // A half circle of 3 m radius that somebody drew.
+    let of_bend = |i: i32| {
+        let angle = f64::from((i - 50).clamp(0, 18)) * 10f64.to_radians();
+        let along = f64::from((i - 50).min(0)) - f64::from((i - 68).max(0));
+        format!("{:.4},{:.4}\n", along + 3.0 * angle.sin(), 3.0 - 3.0 * angle.cos())
+    };
+    let bend: String = (0..120).map(of_bend).collect();
     for (rows, severity, word) in [
         (doubled, Severity::Info, "1 point(s) dropped"),
-        (corner, Severity::Warning, "tighter than the vehicle turns"),
+        (corner, Severity::Info, "1 corner(s) that the vehicle cannot drive are rounded"),
+        (bend, Severity::Warning, "tighter than the vehicle turns"),
     ] {
         let file = folder.path().join("road.csv");
         std::fs::write(&file, format!("x,y\n{rows}")).unwrap();

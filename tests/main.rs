@@ -101,6 +101,7 @@ mod nmpc_tracking;
 mod outputs;
 mod path_commands;
 mod path_copies;
+mod path_corners;
 mod path_courses;
 mod path_geodetic;
 mod path_laps;

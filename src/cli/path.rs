@@ -4,7 +4,9 @@ use super::files::check_files;
 use super::logs::LimitArgs;
 use super::vehicle::{Commanded, by_kind, vehicle_named};
 use crate::control::SpeedParameters;
-use crate::path::{Closure, Path, PathOptions, RoadClass, Smoothing, SpeedLimits, SpeedPlan, write_csv};
+use crate::path::{
+    Closure, Path, PathOptions, RoadClass, RoundedCorner, Smoothing, SpeedLimits, SpeedPlan, write_csv,
+};
 use crate::vehicle::BUILTIN;
 use clap::Args;
 use serde_json::{Value, json};
@@ -44,7 +46,8 @@ pub struct PathArgs {
     /// File for the road that is driven: smooth, with heading and curvature (CSV)
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
-    /// Vehicle whose turning circle is compared with the bends: a vehicle file (TOML) or a built-in name
+    /// Vehicle that the corners are rounded for, and whose turning circle is compared with the bends: a vehicle file (TOML) or a
+    /// built-in name
     #[arg(long, value_name = "VEHICLE", default_value = BUILTIN[0])]
     vehicle: String,
     /// Lateral acceleration of the speed plan in m/s2
@@ -95,11 +98,11 @@ pub fn run(args: &PathArgs) -> Result<(), Box<dyn Error>> {
     if let Some(file) = &args.write {
         check_files(&[("--write", file)], &[("FILE", &args.file)])?;
     }
-    let path = Path::named(&args.file, &reading(args.smooth, [args.closed, args.open], &args.limit))?;
+    let reading = reading(args.smooth, [args.closed, args.open], &args.limit);
+    let (path, too_tight) = by_kind!(&args.vehicle, read_for(&args.vehicle, &args.file, &reading))?;
     let limits =
         SpeedLimits { lateral_accel: args.lateral_accel, speed: args.speed, ..SpeedLimits::default() };
     let findings = look(&path, &limits);
-    let too_tight = by_kind!(&args.vehicle, too_tight(&args.vehicle, &path))?;
     let text = if args.json {
         findings.json(args, &path, too_tight.as_deref())
     } else {
@@ -123,13 +126,21 @@ pub(super) fn reading(smooth: Option<f64>, [closed, open]: [bool; 2], limit: &Li
     PathOptions { closure, smoothing, ..limit.road() }
 }
 
-/// A warning, if a road bends more tightly than the vehicle turns.
-fn too_tight<P: Commanded<S, C>, const S: usize, const C: usize>(
+fn rounded_json(corner: &RoundedCorner) -> Value {
+    let RoundedCorner { row, corners, x, y, turn, inside } = *corner;
+    json!({"row": row, "corners": corners, "x": x, "y": y, "turn": turn, "inside": inside})
+}
+
+/// The road as a vehicle drives it, and a warning if it bends more tightly than the vehicle turns.
+fn read_for<P: Commanded<S, C>, const S: usize, const C: usize>(
     vehicle: &str,
-    path: &Path,
-) -> Result<Option<String>, Box<dyn Error>> {
+    file: &std::path::Path,
+    reading: &PathOptions,
+) -> Result<(Path, Option<String>), Box<dyn Error>> {
     let parameters = P::controller(&vehicle_named(vehicle)?);
-    Ok(parameters.too_tight::<S>(path).map(|words| format!("{vehicle}: {words}")))
+    let path = Path::named(file, &parameters.reading::<S>(reading))?;
+    let too_tight = parameters.too_tight::<S>(&path).map(|words| format!("{vehicle}: {words}"));
+    Ok((path, too_tight))
 }
 
 fn look(path: &Path, limits: &SpeedLimits) -> Findings {
@@ -233,6 +244,7 @@ impl Findings {
         let classes: serde_json::Map<String, Value> =
             self.classes.iter().map(|(class, length)| (class.name().into(), json!(length))).collect();
         // An infinite radius is null: JSON has no infinity.
+        let rounded: Vec<Value> = path.corners().iter().map(rounded_json).collect();
         let report = json!({
             "file": args.file.display().to_string(),
             "length": self.length,
@@ -248,6 +260,7 @@ impl Findings {
             "grade": [self.grade.0, self.grade.1],
             "friction": [self.friction.0, self.friction.1],
             "classes": classes,
+            "rounded": rounded,
             "notes": path.notes().iter().map(|note| note.text.as_str()).chain(too_tight).collect::<Vec<_>>(),
         });
         format!("{report:#}\n")

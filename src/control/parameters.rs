@@ -8,10 +8,13 @@ use crate::enumeration;
 use crate::nominal::{Actuator, DeadTimeModel, LateralVehicle};
 use crate::parameter::{OutOfRange, Parameter, ParameterGroup};
 use crate::parameters;
-use crate::path::{AxleShares, CAR_GRIP, Path, TightestTurn, USED_GRIP};
+use crate::path::{AxleShares, CAR_GRIP, Path, PathOptions, TightestTurn, USED_GRIP};
 use crate::residual::DataConfig;
 use crate::signal::GRAVITY;
 use crate::vehicle::{CarParameters, SingleTrack, Steering, range_of};
+
+/// Share of the steering's lock that a rounded corner takes.
+const CORNER_SHARE: f64 = 0.85;
 
 /// Steps of the prediction that the FMU shows as outputs; longer horizons are allowed.
 pub const SHOWN_HORIZON: usize = 30;
@@ -195,6 +198,17 @@ impl<G> ControllerParametersFor<G> {
         }
     }
 
+    /// How a road is read for the vehicle: corners of its points are rounded with the least radius that leaves the steering a share
+    /// of its lock for errors, and the trailer its articulation.
+    #[must_use]
+    pub fn reading<const S: usize>(&self, options: &PathOptions) -> PathOptions
+    where
+        G: ControlledParameters<S>,
+    {
+        let radius = self.tightest_turn::<S>().radius_at(CORNER_SHARE);
+        PathOptions { least_radius: Some(self.vehicle.least_radius_behind(radius)), ..*options }
+    }
+
     /// A warning, if a road bends more tightly than the vehicle can turn.
     #[must_use]
     pub fn too_tight<const S: usize>(&self, road: &Path) -> Option<String>
@@ -204,8 +218,9 @@ impl<G> ControllerParametersFor<G> {
         let circle = self.tightest_turn::<S>().radius();
         let tight = road.tighter_than(circle).map(|(station, radius, length)| {
             format!(
-                "the road has {radius:.2} m radius at station {station:.1} m, and {length:.1} m of it are tighter than \
-                 the vehicle turns ({circle:.2} m at mpc.steer_max): it may leave the road there"
+                "the road has {radius:.2} m radius at station {station:.1} m ({}), and {length:.1} m of it are tighter than \
+                 the vehicle turns ({circle:.2} m at mpc.steer_max): it may leave the road there",
+                road.row(station)
             )
         });
         tight.or_else(|| self.vehicle.too_tight_behind(road))

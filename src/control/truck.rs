@@ -74,6 +74,10 @@ const LARGEST_ARTICULATION_REFERENCE: f64 = 0.6;
 const ARTICULATION_SHARE: f64 = 0.5;
 /// Largest plausible disturbing articulation acceleration, rad/s2: as for the yaw.
 const LARGEST_DISTURBANCE: f64 = 3.0;
+/// Turn of the sharpest corner that is rounded, rad, and the step by which its radius is made wider, so many times at most.
+const SHARPEST_CORNER: f64 = 2.0;
+const WIDER: f64 = 1.05;
+const MOST_WIDER: i32 = 60;
 /// Share of the angle at which trailer and cab touch that the soft bound leaves.
 const SAFE_SHARE: f64 = 2.0 / 3.0;
 /// Lateral acceleration of steering that returns a truck to its road, m/s2. A loaded semi-trailer rolls over at 0.35 g (Winkler and
@@ -112,8 +116,19 @@ impl ControlledParameters<TRUCK_STATES> for NominalTruck {
         vec![angle, rate]
     }
 
+    fn least_radius_behind(&self, radius: f64) -> f64 {
+        let wider = |times: i32| radius * WIDER.powi(times);
+        let fits = |radius: &f64| {
+            let arc = |_: f64| 1.0 / radius;
+            largest_articulation(&self.articulated(), SHARPEST_CORNER * radius, arc).1
+                <= self.articulation_max
+        };
+        (0..MOST_WIDER).map(wider).find(fits).unwrap_or_else(|| wider(MOST_WIDER))
+    }
+
     fn too_tight_behind(&self, road: &Path) -> Option<String> {
-        let (station, angle) = largest_articulation(&self.articulated(), road);
+        let bend = |station: f64| road.curvature(station);
+        let (station, angle) = largest_articulation(&self.articulated(), road.length(), bend);
         let most = self.articulation_max;
         (angle > most).then(|| {
             format!(
@@ -132,19 +147,19 @@ impl ControlledParameters<TRUCK_STATES> for NominalTruck {
     }
 }
 
-/// Station, m, and magnitude, rad, of the largest articulation along a road at walking pace, without slip.
+/// Station, m, and magnitude, rad, of the largest articulation along a road, by its length and curvature, at walking pace, without slip.
 ///
 /// ```text
 /// phi' = kappa - (sin phi - d kappa cos phi) / l2      per metre of the tractor's way; hitch d behind its rear axle
 /// ```
-fn largest_articulation(truck: &Articulated, road: &Path) -> (f64, f64) {
+fn largest_articulation(truck: &Articulated, road: f64, curvature: impl Fn(f64) -> f64) -> (f64, f64) {
     const STEP: f64 = 0.1;
     let Articulated { b1, c1, a2, b2, .. } = *truck;
     let (behind, length) = (c1 - b1, a2 + b2);
     let (mut articulation, mut largest) = (0.0_f64, (0.0, 0.0));
-    for i in 0..=(road.length() / STEP) as usize {
+    for i in 0..=(road / STEP) as usize {
         let station = i as f64 * STEP;
-        let curvature = road.curvature(station);
+        let curvature = curvature(station);
         let (sin, cos) = articulation.sin_cos();
         articulation += STEP * (curvature - (sin - behind * curvature * cos) / length);
         articulation = articulation.clamp(-PI, PI);

@@ -82,6 +82,11 @@ pub trait ControlledParameters<const S: usize>: std::fmt::Debug + Copy + Partial
         None
     }
 
+    /// The least radius, m, from this one on, of a corner round which what the vehicle draws can follow it.
+    fn least_radius_behind(&self, radius: f64) -> f64 {
+        radius
+    }
+
     /// Sets the parameter of a name; says whether there is one.
     ///
     /// # Errors

@@ -23,7 +23,7 @@ use crate::control::{
 };
 use crate::finite::check_finite;
 use crate::fmi::{Context, Declaration, Log, Model, ModelError, Severity, Values};
-use crate::path::Path;
+use crate::path::{Path, PathOptions};
 use crate::vehicle::VehicleParameters as _;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -147,7 +147,7 @@ impl<U: ControllerUnit<S>, const S: usize> Model for ControllerFmu<U, S> {
             )));
         }
         let file = context.locate(name);
-        let path = Path::read(&file).map_err(|error| {
+        let path = Path::read_with(&file, &parameters.reading::<S>(&PathOptions::default())).map_err(|error| {
             let place = if file.is_relative() {
                 ". A relative name is one in the FMU's folder resources/, else in the host's working folder"
             } else {

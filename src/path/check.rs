@@ -1,6 +1,7 @@
 //! Checks of a road's points: repairs, refusals, closure.
 
 use super::accuracy::Accuracy;
+use super::corners::{RoundedCorner, round};
 use super::draw::{Outline, tightest};
 use super::error::{InputPlace, PathError};
 use super::noise::PointNoise;
@@ -26,8 +27,12 @@ const LONGEST_STRAIGHT: f64 = 50e3;
 /// A road that is fit to be a path.
 pub(super) struct CheckedRoad {
     pub samples: Vec<Sample>,
+    /// Places in the file of the samples.
+    pub places: Vec<usize>,
     pub periodic: bool,
     pub notes: Vec<Note>,
+    /// Those rounded.
+    pub corners: Vec<RoundedCorner>,
     /// The curve relative to `origin`.
     pub curve: QuinticSpline,
     pub origin: Vector,
@@ -37,6 +42,8 @@ pub(super) struct CheckedRoad {
 
 /// Roads without stops that are drawn at most.
 const MORE_WIDTHS: usize = 4;
+/// Rounds of looking for corners at most.
+const CORNER_ROUNDS: usize = 8;
 /// Radius of the smallest circle of a small car in m.
 const TURNING_CIRCLE: f64 = 4.5;
 
@@ -49,9 +56,13 @@ pub(super) fn check(
     for (index, sample) in samples.iter().enumerate() {
         check_values(sample, index)?;
     }
-    let hash = hash(&samples, accuracy);
+    let mut hash = hash(&samples, accuracy);
     let stood = drive_on(&mut samples)?;
-    let mut road = CheckedRoad { hash, ..measured_and_drawn(samples, options, accuracy)? };
+    let mut road = measured_and_drawn(samples, options, accuracy)?;
+    if !road.corners.is_empty() {
+        options.least_radius.iter().for_each(|radius| hash.add(&radius.to_le_bytes()));
+    }
+    road.hash = hash.value();
     road.notes.extend(stood.map(Note::info));
     // Of a lap both are one place, and a stretch that nobody gets through lies between.
     if let (true, [first, .., last]) = (road.periodic, &mut road.samples[..])
@@ -186,7 +197,6 @@ fn traced(
     (options, accuracy, noise): (&PathOptions, Accuracy, Option<&PointNoise>),
     mut notes: Vec<Note>,
 ) -> Result<CheckedRoad, PathError> {
-    let origin = position(&kept[0]);
     notes.extend(fill(&mut kept, median, periodic)?);
     // Noise that turns no two chords back on each other leaves the points' own directions.
     let turning = noise.filter(|noise| noise.bend(median) * median > PI - TURNS_BACK);
@@ -198,15 +208,39 @@ fn traced(
         notes.extend(passes_its_start(&kept, median, periodic).map(Note::warning));
     }
 
-    let samples: Vec<Sample> = kept.into_iter().map(|(_, sample)| sample).collect();
-    let points = samples.iter().map(|sample| [sample.x - origin[0], sample.y - origin[1]]).collect();
-    let outline = Outline { samples: &samples, points, periodic, spacing: median, noise };
-    let curve = outline.curve(options.smoothing, accuracy, &mut notes)?;
-    Ok(CheckedRoad { samples, periodic, notes, curve, origin, hash: 0 })
+    let mut outline = Outline::of(&kept, periodic, median, noise);
+    let mut corners = Vec::new();
+    let curve = match outline.told(options.smoothing, &mut notes) {
+        Some(curve) => curve,
+        None => {
+            let mut about = Vec::new();
+            let mut curve = outline.curve(options.smoothing, accuracy, &mut about)?;
+            // Directions of noisy points are no corners.
+            let radius = options.least_radius.filter(|_| noise.is_none_or(|noise| noise.step.is_some()));
+            // What is near a corner is drawn anew with it, and may turn out to be one, too.
+            for _ in 0..CORNER_ROUNDS {
+                let Some((points, found)) = radius.and_then(|radius| round(&kept, &curve, periodic, radius))
+                else {
+                    break;
+                };
+                kept = points;
+                corners.extend(found);
+                outline = Outline::of(&kept, periodic, median, noise);
+                about.clear();
+                curve = outline.curve(options.smoothing, accuracy, &mut about)?;
+            }
+            corners.sort_by_key(|corner: &RoundedCorner| corner.row);
+            notes.append(&mut about);
+            curve
+        }
+    };
+    let origin = position(&kept[0]);
+    let (places, samples) = kept.into_iter().unzip();
+    Ok(CheckedRoad { samples, places, periodic, notes, corners, curve, origin, hash: 0 })
 }
 
 /// Hash of points: that of the road, on every machine.
-fn hash(samples: &[Sample], accuracy: Accuracy) -> u64 {
+fn hash(samples: &[Sample], accuracy: Accuracy) -> Fnv {
     let mut hash = Fnv::new();
     let accuracy = match accuracy {
         Accuracy::Exact => [0.0; 2],
@@ -223,7 +257,7 @@ fn hash(samples: &[Sample], accuracy: Accuracy) -> u64 {
         }
         hash.add(class.map_or("", RoadClass::name).as_bytes());
     }
-    hash.value()
+    hash
 }
 
 fn position((_, sample): &(usize, Sample)) -> Vector {

@@ -6,7 +6,7 @@ use super::noise::{ABOUT, PointNoise, SLIGHT, curvature_error, rounding_error};
 use super::note::Note;
 use super::sample::{Sample, Smoothing};
 use super::smooth::{Goal, smooth};
-use super::spline::{Knot, QuinticSpline, Vector, distance};
+use super::spline::{Knot, QuinticSpline, Vector, distance, evaluate};
 use super::sway::Sway;
 use super::wrap_angle;
 use crate::numerics::statistics::{MEDIAN_OF_NORMAL, median};
@@ -20,17 +20,36 @@ const TIGHTEST: f64 = 2.0;
 
 /// The points of a road that are fit to be drawn.
 pub(super) struct Outline<'a> {
-    pub samples: &'a [Sample],
+    samples: Vec<Sample>,
     /// Relative to the road's origin.
-    pub points: Vec<Vector>,
-    pub periodic: bool,
+    points: Vec<Vector>,
+    periodic: bool,
     /// Median, m.
-    pub spacing: f64,
-    pub noise: Option<&'a PointNoise>,
+    spacing: f64,
+    noise: Option<&'a PointNoise>,
 }
 
-impl Outline<'_> {
-    /// The curve, as near the points as is asked for.
+impl<'a> Outline<'a> {
+    /// Points with their places in the file, of a median spacing in m, relative to the first of them.
+    pub fn of(
+        placed: &[(usize, Sample)],
+        periodic: bool,
+        spacing: f64,
+        noise: Option<&'a PointNoise>,
+    ) -> Self {
+        let samples: Vec<Sample> = placed.iter().map(|(_, sample)| *sample).collect();
+        let points =
+            samples.iter().map(|sample| [sample.x - samples[0].x, sample.y - samples[0].y]).collect();
+        Self { samples, points, periodic, spacing, noise }
+    }
+
+    /// The curve by the headings and curvatures of the points, if they hold.
+    pub fn told(&self, smoothing: Smoothing, notes: &mut Vec<Note>) -> Option<QuinticSpline> {
+        let pinned = !matches!(smoothing, Smoothing::Within(_));
+        self.poses(notes).filter(|_| pinned)
+    }
+
+    /// The curve by the points alone, as near them as is asked for.
     ///
     /// # Errors
     /// Noise leaves bends that nobody drives.
@@ -40,10 +59,6 @@ impl Outline<'_> {
         accuracy: Accuracy,
         notes: &mut Vec<Note>,
     ) -> Result<QuinticSpline, PathError> {
-        let pinned = !matches!(smoothing, Smoothing::Within(_));
-        if let Some(curve) = self.poses(notes).filter(|_| pinned) {
-            return Ok(curve);
-        }
         let near = self.goal(smoothing, accuracy).and_then(|goal| self.near(goal, notes));
         let is_near = near.is_some();
         let curve = near.unwrap_or_else(|| QuinticSpline::through(&self.points, self.periodic));
@@ -141,7 +156,7 @@ impl Outline<'_> {
 
     /// The curve from heading and curvature, where the road has both and they fit its points.
     fn poses(&self, notes: &mut Vec<Note>) -> Option<QuinticSpline> {
-        let (samples, points, periodic) = (self.samples, &self.points, self.periodic);
+        let (samples, points, periodic) = (&self.samples, &self.points, self.periodic);
         let column =
             |value: fn(&Sample) -> Option<f64>| samples.iter().map(value).collect::<Option<Vec<f64>>>();
         let (yaw, curvature) = match (column(|sample| sample.yaw), column(|sample| sample.curvature)) {
@@ -178,6 +193,21 @@ impl PointNoise {
 /// Largest curvature at the knots in 1/m.
 pub(super) fn tightest(curve: &QuinticSpline) -> f64 {
     curve.knots.iter().map(|knot| curvature(knot).abs()).fold(0.0, f64::max)
+}
+
+impl QuinticSpline {
+    /// Largest curvature of a piece in 1/m, its knots and places between them.
+    pub(super) fn tightest_in(&self, piece: usize) -> f64 {
+        const PLACES: u32 = 4;
+        let length = self.knots[piece + 1].t - self.knots[piece].t;
+        let [x, y] = self.piece(piece);
+        let places = (0..=PLACES).map(|k| {
+            let u = length * f64::from(k) / f64::from(PLACES);
+            let ([_, dx, ddx], [_, dy, ddy]) = (evaluate(&x, u), evaluate(&y, u));
+            (dx * ddy - dy * ddx).abs() / dx.hypot(dy).max(1e-9).powi(3)
+        });
+        places.fold(0.0, f64::max)
+    }
 }
 
 /// Curvature at a knot in 1/m.

@@ -33,6 +33,7 @@
 //! |---|---|
 //! | `sample.rs` | the points of a road |
 //! | `check.rs` | checks of a road's points: duplicates, gaps |
+//! | `corners.rs`, `two_arcs.rs` | corners rounded for a vehicle |
 //! | `seam.rs` | whether a road's end leads into its start |
 //! | `draw.rs` | the curve of a road whose points are checked |
 //! | `sway.rs` | roads that sway with the errors of their points |
@@ -44,7 +45,7 @@
 //! | `speed.rs` | a speed plan within lateral and longitudinal limits |
 //! | `axle_shares.rs` | what drive and brakes ask of each axle beside its load |
 //! | `read.rs`, `write.rs` | files |
-//! | `accuracy.rs`, `lap.rs` | digits of coordinates; laps of a log |
+//! | `accuracy.rs`, `lap.rs`, `rows.rs` | digits of coordinates; laps of a log; rows of stations |
 //! | `segment.rs`, `pen.rs` | roads drawn exactly from straights, arcs and clothoids |
 //! | `sudoku.rs`, `truck_course.rs` | our own courses |
 //! | `quantity.rs`, `guessed.rs` | bank, grade, friction and speed between points; bends that the points do not tell |
@@ -55,6 +56,7 @@ mod accuracy;
 mod axle_shares;
 mod banded;
 mod check;
+mod corners;
 mod draw;
 mod error;
 mod geodetic;
@@ -69,6 +71,7 @@ mod quadrature;
 mod quantity;
 mod random;
 mod read;
+mod rows;
 mod sample;
 mod seam;
 mod segment;
@@ -80,9 +83,11 @@ mod straight;
 pub mod sudoku;
 mod sway;
 mod truck_course;
+mod two_arcs;
 mod write;
 
 pub use axle_shares::AxleShares;
+pub use corners::RoundedCorner;
 pub use error::{InputPlace, PathError, WrittenName};
 pub use note::Note;
 pub use project::{Projection, Where};
@@ -97,6 +102,7 @@ pub use write::{to_csv, write_csv};
 use crate::table::{self, TableError};
 use grid::{Cell, Grid, yaw_at};
 use quantity::{PathQuantity, Spot};
+use rows::RoadRows;
 use speed::SharedPlans;
 use spline::evaluate;
 use std::f64::consts::{PI, TAU};
@@ -125,6 +131,8 @@ pub struct Path {
     speed: PathQuantity,
     classes: Vec<Option<RoadClass>>,
     notes: Vec<Note>,
+    corners: Vec<RoundedCorner>,
+    rows: RoadRows,
     hash: u64,
     plans: SharedPlans,
 }
@@ -171,7 +179,7 @@ impl Path {
     /// # Errors
     /// As [`Path::from_samples`], and for a smoothing tolerance that is none.
     pub fn from_samples_with(samples: Vec<Sample>, options: &PathOptions) -> Result<Self, PathError> {
-        Ok(Self::from_road(check::check(samples, options, accuracy::Accuracy::Exact)?))
+        Ok(Self::from_road(check::check(samples, options, accuracy::Accuracy::Exact)?, None))
     }
 
     /// Reads a path from a CSV file: ours, the racetrack-database format, or a driven lap (`x_m,y_m,v_driven_mps`).
@@ -248,11 +256,12 @@ impl Path {
             .map_err(|error| error.in_file(name, &table.lines).with_columns(&table.columns))?;
         table.notes.append(&mut road.notes);
         road.notes = table.notes;
-        Ok(Self::from_road(road))
+        Ok(Self::from_road(road, Some(&table.lines)))
     }
 
-    fn from_road(road: check::CheckedRoad) -> Self {
-        let check::CheckedRoad { samples, periodic, notes, curve, origin, hash } = road;
+    /// `lines`: those of the points in their file.
+    fn from_road(road: check::CheckedRoad, lines: Option<&[u64]>) -> Self {
+        let check::CheckedRoad { samples, places, periodic, notes, mut corners, curve, origin, hash } = road;
         let grid = Grid::new(&curve);
         let count = grid.cells.len();
         let yaw_end = {
@@ -278,6 +287,8 @@ impl Path {
         } else {
             Vec::new()
         };
+        let rows = RoadRows::new(&grid.mark_stations, &places, lines);
+        corners.iter_mut().for_each(|corner| corner.row = rows.number(corner.row as usize));
         let told = samples.iter().all(|sample| sample.yaw.is_some() && sample.curvature.is_some());
         let mut path = Self {
             origin,
@@ -292,10 +303,14 @@ impl Path {
             speed: channel(f64::NAN, |sample| sample.speed),
             classes,
             notes,
+            corners,
+            rows,
             hash,
             cells: grid.cells,
             plans: SharedPlans::default(),
         };
+        let rounded = path.rounded_corners();
+        path.notes.extend(rounded);
         let guessed = path.guessed_bend(&grid.mark_stations).filter(|_| !told);
         path.notes.extend(guessed);
         path
@@ -323,6 +338,18 @@ impl Path {
     #[must_use]
     pub fn notes(&self) -> &[Note] {
         &self.notes
+    }
+
+    /// Corners of its points that were rounded for the vehicle ([`PathOptions::least_radius`]), in driving order.
+    #[must_use]
+    pub fn corners(&self) -> &[RoundedCorner] {
+        &self.corners
+    }
+
+    /// The row of the road's points at a station in m, in words: `line 12` of a file, or `point 11`.
+    #[must_use]
+    pub fn row(&self, station: f64) -> String {
+        self.rows.words(self.rows.at(station))
     }
 
     /// Everything at a station in m.

@@ -67,6 +67,9 @@ pub struct PathOptions {
     pub closure: Closure,
     /// Allowed distance from its points.
     pub smoothing: Smoothing,
+    /// Least radius in m that the vehicle drives ([`ControllerParametersFor::reading`](crate::control::ControllerParametersFor::reading)):
+    /// corners of the points are rounded with it. `None`: the path goes through them.
+    pub least_radius: Option<f64>,
     /// Limits of reading a file.
     pub limits: Limits,
 }
@@ -75,7 +78,7 @@ impl Default for PathOptions {
     /// 256 MB unpacked, a million points.
     fn default() -> Self {
         let limits = Limits { bytes: 256 << 20, rows: 1_000_000 };
-        Self { closure: Closure::default(), smoothing: Smoothing::default(), limits }
+        Self { closure: Closure::default(), smoothing: Smoothing::default(), least_radius: None, limits }
     }
 }
 

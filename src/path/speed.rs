@@ -109,7 +109,13 @@ impl TightestTurn {
     /// Radius in m of the circle at the lock, of the point that follows the path, without slip.
     #[must_use]
     pub fn radius(&self) -> f64 {
-        (self.wheelbase / self.lock.tan()).hypot(self.rear)
+        self.radius_at(1.0)
+    }
+
+    /// Radius in m of the circle at a share of the lock, of the point that follows the path, without slip.
+    #[must_use]
+    pub fn radius_at(&self, share: f64) -> f64 {
+        (self.wheelbase / (share * self.lock).tan()).hypot(self.rear)
     }
 
     /// Largest squared speed in a bend in m2/s2.

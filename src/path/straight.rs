@@ -86,7 +86,7 @@ fn is_straight(points: &[(usize, Sample)], i: usize, closed: bool) -> bool {
 }
 
 /// A point of the straight between two others, at a share of it.
-fn between(from: &Sample, to: &Sample, share: f64) -> Sample {
+pub(super) fn between(from: &Sample, to: &Sample, share: f64) -> Sample {
     let mixed = |a: f64, b: f64| a + share * (b - a);
     let both = |a: Option<f64>, b: Option<f64>| Some(mixed(a?, b?));
     let heading = (to.y - from.y).atan2(to.x - from.x);

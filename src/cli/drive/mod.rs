@@ -35,7 +35,7 @@ use clap::Args;
 use report::DriveReport;
 use sample_time::{keep_up_with, warn_of_long_steps};
 use serde_json::Value;
-use setup::Initial;
+use setup::{Initial, Numbers};
 use std::error::Error;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -290,7 +290,7 @@ fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
     Box<dyn Error>,
 > {
     let reading = reading(args.smooth, [args.closed, args.open], &args.limit);
-    let mut setup = Setup::<P, S, C>::new(args.path.as_deref(), &reading, P::TEST, &args.vehicle, &[])?;
+    let mut setup = Numbers::<P, S, C>::of(&args.vehicle)?;
     let mut model = args.model.clone();
     if let Some(file) = &args.controller {
         let read = ControllerFile::read(file)?;
@@ -303,6 +303,7 @@ fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
     let sample_time = setup.controller.mpc.sample_time;
     args.settings.iter().try_for_each(|text| setup.apply(text))?;
     let (mut variant, mut model) = model.choose(&setup.controller)?;
+    let mut setup = setup.on(args.path.as_deref(), &reading, P::TEST)?;
     keep_up_with(args.step, sample_time, (&mut variant, &mut model), &mut setup.controller)?;
     if let Some(warning) = setup.controller.too_tight::<S>(&setup.path) {
         warn!("warning: {warning}");

@@ -20,7 +20,7 @@ pub(in crate::cli) struct Setup<P: SimulatedVehicle<S, C>, const S: usize, const
 }
 
 impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
-    /// Reads road and vehicle and applies the settings.
+    /// Reads vehicle and road and applies the settings.
     pub fn new(
         path: Option<&std::path::Path>,
         reading: &PathOptions,
@@ -28,24 +28,9 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
         vehicle: &str,
         settings: &[String],
     ) -> Result<Self, Box<dyn Error>> {
-        let path = Arc::new(match path {
-            Some(road) => Path::named(road, reading)?,
-            None => course.path()?,
-        });
-        Self::on(path, vehicle, settings)
-    }
-
-    /// As [`new`](Self::new), on a road that is read already.
-    pub fn on(path: Arc<Path>, vehicle: &str, settings: &[String]) -> Result<Self, Box<dyn Error>> {
-        for note in path.notes() {
-            warn!("{}: {note}", if note.warning { "warning" } else { "note" });
-        }
-        let vehicle: P::Parameters = vehicle_named(vehicle)?;
-        let controller = P::controller(&vehicle);
-        let effects = vehicle.effects().clone();
-        let mut setup = Self { path, controller, vehicle, effects };
-        settings.iter().try_for_each(|text| setup.apply(text))?;
-        Ok(setup)
+        let mut numbers = Numbers::<P, S, C>::of(vehicle)?;
+        settings.iter().try_for_each(|text| numbers.apply(text))?;
+        numbers.on(path, reading, course)
     }
 
     /// Connects controller and vehicle at the road's beginning, with a communication step in s.
@@ -56,6 +41,41 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
     ) -> Result<ClosedLoopFor<P, S, C>, Box<dyn Error>> {
         let controller = ControllerFor::predicting_with(self.controller, self.path, model)?;
         Ok(ClosedLoopFor::at_start(controller, &self.vehicle, &self.effects, step)?)
+    }
+}
+
+/// The parameters of vehicle and controller, before their road is read: its corners are rounded for them.
+pub(in crate::cli) struct Numbers<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> {
+    pub controller: ControllerParametersFor<P::Nominal>,
+    pub vehicle: P::Parameters,
+    effects: P::Effects,
+}
+
+impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Numbers<P, S, C> {
+    /// Those of a vehicle by name or file.
+    pub fn of(vehicle: &str) -> Result<Self, Box<dyn Error>> {
+        let vehicle: P::Parameters = vehicle_named(vehicle)?;
+        let controller = P::controller(&vehicle);
+        let effects = vehicle.effects().clone();
+        Ok(Self { controller, vehicle, effects })
+    }
+
+    /// Reads the road.
+    pub fn on(
+        self,
+        path: Option<&std::path::Path>,
+        reading: &PathOptions,
+        course: Route,
+    ) -> Result<Setup<P, S, C>, Box<dyn Error>> {
+        let path = Arc::new(match path {
+            Some(road) => Path::named(road, &self.controller.reading::<S>(reading))?,
+            None => course.path()?,
+        });
+        for note in path.notes() {
+            warn!("{}: {note}", if note.warning { "warning" } else { "note" });
+        }
+        let Self { controller, vehicle, effects } = self;
+        Ok(Setup { path, controller, vehicle, effects })
     }
 
     /// Takes a setting, NAME=VALUE.

@@ -27,7 +27,7 @@ impl<P: Commanded<S, C>, const S: usize, const C: usize> TrainLogs<P, S, C> {
     ) -> Result<Self, Box<dyn Error>> {
         args.reading.check_distinct(args.logs.iter().chain(&args.test))?;
         let (vehicle, data_config) = (parameters.vehicle.nominal(), parameters.data_config());
-        let reading = args.reading.limit.road();
+        let reading = parameters.reading::<S>(&args.reading.limit.road());
         let road = args.path.as_deref().map(|road| Path::named(road, &reading).map(|read| (read, road)));
         let road = road.transpose()?;
         let steering = |speed: f64| steady_steering(&vehicle, speed);
