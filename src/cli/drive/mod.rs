@@ -35,7 +35,7 @@ use clap::Args;
 use report::DriveReport;
 use sample_time::{keep_up_with, warn_of_long_steps};
 use serde_json::Value;
-use setup::{Initial, Numbers};
+use setup::{DriveNumbers, Initial};
 use std::error::Error;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -290,7 +290,7 @@ fn set_up<P: Commanded<S, C>, const S: usize, const C: usize>(
     Box<dyn Error>,
 > {
     let reading = reading(args.smooth, [args.closed, args.open], &args.limit);
-    let mut setup = Numbers::<P, S, C>::of(&args.vehicle)?;
+    let mut setup = DriveNumbers::<P, S, C>::of(&args.vehicle)?;
     let mut model = args.model.clone();
     if let Some(file) = &args.controller {
         let read = ControllerFile::read(file)?;

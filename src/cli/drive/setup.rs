@@ -28,7 +28,7 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
         vehicle: &str,
         settings: &[String],
     ) -> Result<Self, Box<dyn Error>> {
-        let mut numbers = Numbers::<P, S, C>::of(vehicle)?;
+        let mut numbers = DriveNumbers::<P, S, C>::of(vehicle)?;
         settings.iter().try_for_each(|text| numbers.apply(text))?;
         numbers.on(path, reading, course)
     }
@@ -45,13 +45,13 @@ impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Setup<P, S, C> {
 }
 
 /// The parameters of vehicle and controller, before their road is read: its corners are rounded for them.
-pub(in crate::cli) struct Numbers<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> {
+pub(in crate::cli) struct DriveNumbers<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> {
     pub controller: ControllerParametersFor<P::Nominal>,
     pub vehicle: P::Parameters,
     effects: P::Effects,
 }
 
-impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> Numbers<P, S, C> {
+impl<P: SimulatedVehicle<S, C>, const S: usize, const C: usize> DriveNumbers<P, S, C> {
     /// Those of a vehicle by name or file.
     pub fn of(vehicle: &str) -> Result<Self, Box<dyn Error>> {
         let vehicle: P::Parameters = vehicle_named(vehicle)?;
