@@ -7,6 +7,7 @@ the hosts of other people.
 
 from __future__ import annotations
 
+import math
 import shutil
 import struct
 import subprocess
@@ -21,9 +22,18 @@ from instance import OK, STEP, UNITS, WARNING, Instance, Library
 from test_same_drive import CAR, CONTROLLER, in_host
 from wiring import SYSTEMS
 
-# Roads that are driven although there is something to say of them, and a word of what is said.
+
+def half_circle(i: int) -> str:
+    """A point of a road with a half circle of 3 m radius."""
+    angle = math.radians(10 * min(max(i - 50, 0), 18))
+    along = min(i - 50, 0) - max(i - 68, 0)
+    return f"{along + 3 * math.sin(angle):.4f},{3 - 3 * math.cos(angle):.4f}\n"
+
+
+# Roads that are driven although there is something to say of them, and a word of what is said as a warning.
 ROADS = {
-    "corner": ("".join(f"{min(i, 100)},{max(0, i - 100)}\n" for i in range(200)), "tighter than the vehicle turns"),
+    "bend": ("".join(half_circle(i) for i in range(120)), "tighter than the vehicle turns"),
+    "corner": ("".join(f"{min(i, 100)},{max(0, i - 100)}\n" for i in range(200)), ""),
     "repeated point": ("".join(f"{min(i, 98)},0\n" for i in range(100)), ""),
 }
 STEPS = 100
@@ -72,7 +82,7 @@ def test_input_out_of_its_range(libraries, name):
     unit.free()
 
 
-@pytest.mark.parametrize("road", ["corner"], indirect=True)
+@pytest.mark.parametrize("road", ["bend"], indirect=True)
 def test_warnings_are_statuses_for_who_asks(libraries, road):
     unit = Instance(libraries["RflMpc"])
     assert unit.set_booleans({"mpc.report_warnings": True}) == OK
