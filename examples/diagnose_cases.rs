@@ -8,7 +8,7 @@
 //!
 //! A last word `table` prints rows of a Markdown table, as in docs/results/diagnosis.md.
 
-use rfl_mpc::diagnose::simulated::{Conditions, DrivableVehicle, drive, normal};
+use rfl_mpc::diagnose::simulated::{Conditions, DrivableVehicle, drive};
 use rfl_mpc::diagnose::{Diagnosis, Options, diagnose};
 use rfl_mpc::numerics::Random;
 use rfl_mpc::vehicle::{BUILTIN_TRUCKS, TruckEffects, builtin, builtin_truck};
@@ -105,7 +105,7 @@ fn row(label: &str, truth: &[(String, f64)], found: &Diagnosis, right: bool, in_
 
 fn conditions(seed: u64, truck: bool) -> Conditions {
     let mut random = Random::stream(seed, 9);
-    let _ = normal(&mut random);
+    let _ = random.normal();
     let speed = if truck { (6.0, 19.0) } else { (7.0, 20.0 + 8.0 * random.uniform()) };
     let lateral = if truck { 1.5 + 1.0 * random.uniform() } else { 2.5 + 3.0 * random.uniform() };
     Conditions {

@@ -130,11 +130,6 @@ const NAMES: [&str; 12] = [
 /// Ordinary noise of one sample of each.
 const NOISE: [f64; 12] = [0.01, 0.01, 0.001, 0.01, 0.02, 0.003, 0.05, 0.05, 5e-4, 0.002, 0.002, 0.004];
 
-/// A number of the standard normal distribution.
-pub fn normal(random: &mut Random) -> f64 {
-    (-2.0 * (1.0 - random.uniform()).ln()).sqrt() * (TAU * random.uniform()).cos()
-}
-
 /// A smooth random course of a number between -1 and 1: sines with random phases.
 struct RandomSignal(Vec<(f64, f64, f64)>);
 
@@ -193,7 +188,7 @@ pub fn drive<V: DrivableVehicle>(
         columns.entry("steer_cmd").or_default().push(steer_cmd);
         columns.entry("accel_cmd").or_default().push(accel_cmd);
         for i in 0..count {
-            let value = sensed[i] + conditions.noise * NOISE[i] * normal(&mut noise);
+            let value = sensed[i] + conditions.noise * NOISE[i] * noise.normal();
             columns.entry(NAMES[i]).or_default().push(value);
         }
         V::drive(&mut plant, &VehicleInput { steer_cmd, accel_cmd }, step).ok()?;
@@ -214,7 +209,7 @@ fn background<V: ReplayVehicle>(
     let mut x: Vec<f64> = uncertain
         .iter()
         .map(|uncertain| {
-            let drawn = normal(&mut random).clamp(-2.5, 2.5);
+            let drawn = random.normal().clamp(-2.5, 2.5);
             let one_sided = matches!(
                 uncertain.id,
                 "steer_delay" | "sensor_delay" | "steer_lag" | "drive_lag" | "articulation_friction"

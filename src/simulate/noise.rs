@@ -2,7 +2,6 @@
 
 use crate::control::Measurement;
 use crate::numerics::Random;
-use std::f64::consts::TAU;
 
 /// Standard deviations of white noise on the measurements of one control step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -61,7 +60,7 @@ impl SensorNoise {
             (yaw_rate, self.yaw_rate),
         ];
         for (value, deviation) in deviations {
-            *value += deviation * normal(random);
+            *value += deviation * random.normal();
         }
         // Nothing is drawn for a vehicle without articulation.
         let further = [
@@ -69,15 +68,9 @@ impl SensorNoise {
             (&mut measurement.articulation_rate, self.articulation_rate),
         ];
         for (value, deviation) in further.into_iter().filter(|(_, deviation)| *deviation > 0.0) {
-            *value += deviation * normal(random);
+            *value += deviation * random.normal();
         }
     }
-}
-
-/// A number of the standard normal distribution (Box and Muller 1958).
-fn normal(random: &mut Random) -> f64 {
-    let radius = (-2.0 * (1.0 - random.uniform()).ln()).sqrt();
-    radius * (TAU * random.uniform()).cos()
 }
 
 #[cfg(test)]

@@ -171,15 +171,10 @@ impl PlantPrior<'_> {
     fn filled(&self, random: &mut Random) -> Vec<PlantPlace> {
         let mut places = vec![self.of_the_file()];
         places.resize_with(FIRST, || {
-            PlantPlace::from_fn(|i, _| if PRIOR[i] == UNIFORM { random.uniform() } else { normal(random) })
+            PlantPlace::from_fn(|i, _| if PRIOR[i] == UNIFORM { random.uniform() } else { random.normal() })
         });
         places
     }
-}
-
-/// A number of about the normal distribution.
-fn normal(random: &mut Random) -> f64 {
-    (0..12).map(|_| random.uniform() - 0.5).sum()
 }
 
 /// Sums of squares of all windows.
@@ -282,7 +277,7 @@ fn drawn(best: PlantPlace, normals: &[WindowNormal], random: &mut Random) -> Pla
     let resampled: Vec<&WindowNormal> = std::iter::repeat_with(of_random).take(count).collect();
     let (normal, gradient) = sum(resampled.into_iter());
     let precision = PlantPlace::from(PRIOR).map(|deviation| deviation.powi(-2));
-    let beside = precision.map(|it| it.sqrt() * self::normal(random));
+    let beside = precision.map(|it| it.sqrt() * random.normal());
     let normal = normal * count as f64 + SMatrix::from_diagonal(&precision);
     let step = normal.cholesky().map(|it| it.solve(&(gradient * count as f64 - beside)));
     within(best - step.unwrap_or_default())
@@ -388,9 +383,8 @@ mod tests {
         let window = |_: usize| -> WindowErrors {
             [1.0, 0.1].map(|size| {
                 let step = |_: usize| {
-                    let slope =
-                        PlantPlace::from_fn(|i, _| if i == 2 { 0.0 } else { size * normal(&mut random) });
-                    slope.dot(&(place - truth)) + 0.01 * size * normal(&mut random)
+                    let slope = PlantPlace::from_fn(|i, _| if i == 2 { 0.0 } else { size * random.normal() });
+                    slope.dot(&(place - truth)) + 0.01 * size * random.normal()
                 };
                 (0..8).map(step).collect()
             })
