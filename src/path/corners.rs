@@ -181,12 +181,17 @@ impl CornerLine {
         1 + before + behind >= BEND
     }
 
+    /// The chord at a way of the first lap.
+    fn chord(&self, way: f64) -> usize {
+        self.ways[1..self.yaws.len()].partition_point(|end| *end <= way)
+    }
+
     /// Pose of the line at a way; a closed road's goes on.
     fn pose(&self, way: f64) -> Pose {
         let chords = self.yaws.len();
         let laps = if self.periodic { (way / self.length()).floor() } else { 0.0 };
         let inside = way - laps * self.length();
-        let i = self.ways[1..chords].partition_point(|end| *end <= inside);
+        let i = self.chord(inside);
         let lap = self.yaws[chords - 1] + self.turn(0) - self.yaws[0];
         let yaw = self.yaws[i] + if laps == 0.0 { 0.0 } else { laps * lap };
         let (sin, cos) = self.yaws[i].sin_cos();
@@ -290,22 +295,21 @@ impl CornerLine {
         for rounding in roundings {
             let length = rounding.way.length();
             let steps = (length / step).ceil();
-            let mut inside = vec![f64::INFINITY; rounding.corners.len()];
+            let poses: Vec<Pose> = rounding.corners.iter().map(|corner| self.pose(corner.1)).collect();
+            let mut inside = vec![f64::INFINITY; poses.len()];
             for k in 0..=steps as u32 {
                 let share = f64::from(k) / steps;
                 let [x, y] = rounding.way.at(share * length);
                 let way = wrapped(rounding.from + share * (rounding.to - rounding.from));
                 let (index, sample) = self.sample(points, way);
                 placed.push((way, (index, Sample { x, y, ..sample })));
-                for (least, corner) in inside.iter_mut().zip(&rounding.corners) {
-                    let at = self.pose(corner.1);
+                for (least, at) in inside.iter_mut().zip(&poses) {
                     *least = least.min(distance([at.x, at.y], [x, y]));
                 }
             }
-            let (first, way) = rounding.corners[0];
-            let (at, before) = (self.pose(way), self.pose(rounding.from));
+            let (at, before) = (poses[0], self.pose(rounding.from));
             corners.push(RoundedCorner {
-                row: points[first].0 as u64,
+                row: points[rounding.corners[0].0].0 as u64,
                 corners: rounding.corners.len(),
                 x: at.x,
                 y: at.y,
@@ -319,8 +323,7 @@ impl CornerLine {
 
     /// What the points say at a way, and the place in the file of the one before.
     fn sample(&self, points: &[Placed], way: f64) -> Placed {
-        let chords = self.yaws.len();
-        let i = self.ways[1..chords].partition_point(|end| *end <= way);
+        let i = self.chord(way);
         let (index, from) = points[i];
         let (_, to) = points[(i + 1) % points.len()];
         let share = (way - self.ways[i]) / (self.ways[i + 1] - self.ways[i]);

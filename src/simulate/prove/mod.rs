@@ -2,8 +2,8 @@
 //! logs.
 //!
 //! A log is explained by many plants. Candidates differ in stiffness, payload, dead time and lag; each has a misfit on each window
-//! of the log, in the simulator that is then driven (`misfit.rs`). A bootstrap over the windows draws among them: the best on a
-//! resampled log. Candidates are close to the vehicle's file; where those leave most of what other vehicles of the kind explain,
+//! of the log, in the simulator that is then driven (`misfit.rs`). The best is found, and a bootstrap over the windows draws others
+//! about it (`plants.rs`). Candidates are close to the vehicle's file; where those leave most of what other vehicles of the kind explain,
 //! they are these. Each drive has a plant and a road of its own draw, unseen in training, and is made with the model and
 //! without. The model is better if
 //!

@@ -65,6 +65,11 @@ impl PlantRange {
     /// off.
     pub const OF_THE_KIND: Self =
         Self { stiffness: (0.4, 2.0), payload: 0.5, gain: (0.8, 1.25), offset: 0.02 };
+
+    /// Numbers of a place that change the plant.
+    fn free(&self) -> [bool; NUMBERS] {
+        [true, true, true, self.gain.0 < self.gain.1, self.offset > 0.0, true, true]
+    }
 }
 
 /// A plant that the logs do not rule out.
@@ -195,6 +200,8 @@ type WindowNormal = (SMatrix<f64, NUMBERS, NUMBERS>, PlantPlace);
 struct PlantDescent<F> {
     place: PlantPlace,
     errors: Vec<WindowErrors>,
+    /// Numbers that change the plant.
+    free: [bool; NUMBERS],
     /// Errors at a place.
     at: F,
 }
@@ -208,7 +215,7 @@ impl<E, F: Fn(&PlantPlace) -> Result<Vec<WindowErrors>, E>> PlantDescent<F> {
             let stride = if self.place[i] + stride > bounds(i).1 { -stride } else { stride };
             let mut there = self.place;
             there[i] += stride;
-            slopes.push(((self.at)(&there)?, stride));
+            slopes.push(if self.free[i] { Some(((self.at)(&there)?, stride)) } else { None });
         }
         let squares = squares(&self.errors);
         let of_window = |(w, here): (usize, &WindowErrors)| {
@@ -216,8 +223,7 @@ impl<E, F: Fn(&PlantPlace) -> Result<Vec<WindowErrors>, E>> PlantDescent<F> {
             for (o, square) in squares.into_iter().enumerate() {
                 for (k, error) in here[o].iter().enumerate() {
                     let slope = PlantPlace::from_fn(|i, _| {
-                        let (there, stride) = &slopes[i];
-                        (there[w][o][k] - error) / stride
+                        slopes[i].as_ref().map_or(0.0, |(there, stride)| (there[w][o][k] - error) / stride)
                     });
                     normal.0 += slope * slope.transpose() / square;
                     normal.1 += slope * (error / square);
@@ -313,7 +319,7 @@ pub fn explaining_plants<P: Compared<S, C>, const S: usize, const C: usize>(
     let starts = if windows.count() > 0 { STARTS } else { 1 };
     let found = parallel::map(threads, starts, |i| {
         let place = places[ranked[i]];
-        let mut descent = PlantDescent { place, errors: at(&place)?, at };
+        let mut descent = PlantDescent { place, errors: at(&place)?, free: range.free(), at };
         let normals = descent.run()?;
         Ok((descent.place, descent.errors, normals))
     });
@@ -397,7 +403,7 @@ mod tests {
         let truth: PlantPlace = [0.2, 0.9, 0.5, 0.4, 0.6, 1.0, -0.5].into();
         let at = |place: &PlantPlace| linear(place, &truth);
         let place = PlantPlace::from([0.8, 0.3, 0.4, 0.5, 0.5, 0.0, 0.0]);
-        let mut descent = PlantDescent { place, errors: at(&place).unwrap(), at };
+        let mut descent = PlantDescent { place, errors: at(&place).unwrap(), free: [true; NUMBERS], at };
         let normals = descent.run().unwrap();
         let mut random = Random::new(3);
         let places: Vec<_> = (0..50).map(|_| drawn(descent.place, &normals, &mut random)).collect();
