@@ -11,6 +11,7 @@
 //! | `description.rs` | `modelDescription.xml` from a declaration |
 //! | `standard.rs` | the versions of FMI |
 //! | `terminals.rs` | what is connected together: `terminalsAndIcons.xml` |
+//! | `traceability.rs` | what an archive is and holds, for tools: SRMD |
 //! | `documentation.rs` | what an FMU says of itself to people |
 //! | `cargo.rs` | building libraries, and what is linked into them |
 //! | `linker.rs` | one compiled library, linked for each version of FMI |
@@ -32,4 +33,5 @@ pub mod shipped;
 pub mod standard;
 pub mod system;
 pub mod terminals;
+pub mod traceability;
 pub mod xml;

@@ -12,6 +12,7 @@ use fmu_build::packing::{Made, Options, Packing, standard_of};
 use fmu_build::shipped;
 use fmu_build::standard::Standard;
 use fmu_build::system::System;
+use fmu_build::traceability;
 use rfl_mpc::output::write_bytes;
 use std::collections::BTreeSet;
 use std::error::Error;
@@ -399,6 +400,7 @@ fn connect(system: &System, packing: &Packing) -> Result<(), Box<dyn Error>> {
     for name in all {
         package.add_file(format!("resources/{name}.fmu"), &path(name))?;
     }
+    traceability::add_to_system(&mut package, *standard, system.name())?;
     let ssp = out.join(format!("{}.ssp", system.name()));
     let size = package.write(&ssp)?;
     say!("{} ({} kB, {} connections)", ssp.display(), size / 1000, system.connections().len());

@@ -9,6 +9,7 @@ use crate::linker;
 use crate::package::{Package, PackageError};
 use crate::standard::Standard;
 use crate::terminals;
+use crate::traceability;
 use rfl_mpc::fmi::START_FILE;
 use std::path::{Path, PathBuf};
 
@@ -107,7 +108,7 @@ impl Fmu {
     /// See [`FmuError`].
     pub fn change(&self, base: &Base, packing: &Packing) -> Result<Made, FmuError> {
         let mut package = base.package.clone();
-        for made_anew in ["modelDescription.xml", documentation::INDEX, terminals::FILE] {
+        for made_anew in ["modelDescription.xml", documentation::INDEX, terminals::FILE, traceability::FILE] {
             package.remove(made_anew);
         }
         drop(package.split_off(RESOURCES));
@@ -143,6 +144,7 @@ impl Fmu {
         let merged = self.merge(packing, &mut package, xml)?;
         let page = documentation::index(standard, &declaration, &libraries_of(&package, standard));
         package.add(documentation::INDEX, page)?;
+        traceability::add_to_fmu(&mut package, standard, &declaration, standard.mark_of(xml))?;
         let out = packing.out.join(format!("{}.fmu", self.declaration.name));
         let size = package.write(&out)?;
         Ok(Made { path: out, size, libraries, merged })

@@ -37,6 +37,15 @@ impl Standard {
         }
     }
 
+    /// The version of SSP that its systems are of.
+    #[must_use]
+    pub fn of_systems(self) -> &'static str {
+        match self {
+            Standard::Fmi2 => "1.0",
+            Standard::Fmi3 => "2.0",
+        }
+    }
+
     /// What FMUs and descriptions of 3.0 lie in, beside those of 2.0, whose place was first.
     #[must_use]
     pub fn folder(self) -> &'static str {

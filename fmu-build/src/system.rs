@@ -42,7 +42,6 @@ impl Setting {
 
 /// Differences between the versions of SSP: types are named as the variables of the units are.
 struct Words {
-    version: &'static str,
     real: &'static str,
     integer: &'static str,
     real_value: &'static str,
@@ -53,14 +52,12 @@ impl Words {
     fn of(standard: Standard) -> &'static Self {
         match standard {
             Standard::Fmi2 => &Self {
-                version: "1.0",
                 real: "ssc:Real",
                 integer: "ssc:Integer",
                 real_value: "ssv:Real",
                 integer_value: "ssv:Integer",
             },
             Standard::Fmi3 => &Self {
-                version: "2.0",
                 real: "ssc:Float64",
                 integer: "ssc:Int32",
                 real_value: "ssv:Float64",
@@ -210,7 +207,7 @@ impl System {
                     "xmlns:oms",
                     "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
                 )
-                .with("version", Words::of(standard).version)
+                .with("version", standard.of_systems())
                 .with("name", &self.name)
                 .with("generationTool", concat!("fmu-build ", env!("CARGO_PKG_VERSION"))),
         );
@@ -371,7 +368,7 @@ fn parameter_set<'a>(
         "ssv:ParameterSet",
         Attributes::new()
             .with("xmlns:ssv", "http://ssp-standard.org/SSP1/SystemStructureParameterValues")
-            .with("version", Words::of(standard).version)
+            .with("version", standard.of_systems())
             .with("name", name),
     );
     xml.open("ssv:Parameters", Attributes::new());

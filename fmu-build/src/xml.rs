@@ -85,7 +85,12 @@ impl Xml {
 
     /// An element with text.
     pub fn text(&mut self, name: &'static str, text: &str) {
-        self.event(Event::Start(BytesStart::new(name)));
+        self.text_with(name, Attributes::new(), text);
+    }
+
+    /// An element with attributes and text.
+    pub fn text_with(&mut self, name: &'static str, attributes: Attributes<'_>, text: &str) {
+        self.event(Event::Start(Self::start(name, &attributes)));
         self.event(Event::Text(BytesText::new(text)));
         self.event(Event::End(BytesEnd::new(name)));
     }

@@ -83,6 +83,7 @@ fn an_fmu_has_all_that_the_standard_and_people_want() {
         "terminalsAndIcons/terminalsAndIcons.xml",
         "terminalsAndIcons/icon.png",
         "model.png",
+        "extra/org.ssp-standard.ssp-traceability.srmd/resourceMetaData.srmd",
     ] {
         assert!(names.iter().any(|name| name == wanted), "{wanted} is missing in {names:?}");
     }
