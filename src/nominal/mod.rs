@@ -39,6 +39,7 @@ pub use error_model::{
 pub use identify::{
     Between, DelayModel, DrivesError, Estimate, IdentifiedActuator, IdentifiedSteering, IdentifyError,
     LeftOut, SteeringDrive, SteeringRecord, identify_by_yaw_rate_from_drives, identify_from_drives,
+    identify_with_limit_from_drives,
 };
 pub use path_articulated::{ARTICULATED_PATH_STATES, ArticulatedPathState};
 pub use path_bicycle::{BICYCLE_STATES, BicycleState, body_change, errors_of};

@@ -22,11 +22,11 @@ use crate::control::ControlledParameters;
 use crate::log::{Finding, FindingSeverity, SteeringLog};
 use crate::nominal::{
     DelayModel, IdentifiedActuator, IdentifiedSteering, LateralVehicle, SteeringDrive,
-    identify_by_yaw_rate_from_drives, identify_from_drives,
+    identify_by_yaw_rate_from_drives, identify_with_limit_from_drives,
 };
 use crate::path::PathOptions;
 use crate::signal::{STEER, YAW_RATE};
-use crate::vehicle::BUILTIN;
+use crate::vehicle::{BUILTIN, VehicleParameters as _};
 use clap::Args;
 use serde_json::{Value, json};
 use std::error::Error;
@@ -186,6 +186,7 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
     let vehicle = setup.controller.vehicle.nominal();
     let slowest = setup.controller.mpc.min_model_speed;
     let through = args.by_yaw_rate.then_some((&vehicle, slowest));
+    let rate_limit = told_rate_limit(args, setup);
     let step = match &args.logs[..] {
         [] => Some(step::drive(setup, name, args)?),
         [file] => Some(step::read(file, args)?).filter(step::is_record),
@@ -205,7 +206,7 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
             speed: step.speed,
         }];
         // A record that is no drive has its models all the same.
-        let steering = from_drives(&drives, through).ok().filter(|found| found.gain.excited);
+        let steering = from_drives(&drives, through, rate_limit).ok().filter(|found| found.gain.excited);
         return Ok(IdentifiedLog {
             drives,
             findings: step.findings,
@@ -249,14 +250,14 @@ fn found<P: Commanded<S, C>, const S: usize, const C: usize>(
     if let Some(error) = too_short.filter(|_| drives.is_empty()) {
         return Err(error.into());
     }
-    let mut steering = from_drives(&drives, through).map_err(|error| match &args.logs[..] {
+    let mut steering = from_drives(&drives, through, rate_limit).map_err(|error| match &args.logs[..] {
         [file] => format!("{}: {error}", file.display()),
         _ => error.to_string(),
     })?;
     if in_other_unit {
         findings.extend(leave_to_user(&mut steering));
     }
-    let contradiction = contradiction(&drives, through);
+    let contradiction = contradiction(&drives, through, rate_limit);
     Ok(IdentifiedLog { drives, findings, models: Vec::new(), steering: Some(steering), rows, contradiction })
 }
 
@@ -272,13 +273,24 @@ fn leave_to_user(steering: &mut IdentifiedSteering) -> Option<Finding> {
     Some(Finding::new(FindingSeverity::Warning, Some("steer_cmd"), words))
 }
 
+/// The rate limit of the vehicle's file, rad/s; infinite where no vehicle is named: that of another one tells nothing.
+fn told_rate_limit<P: Commanded<S, C>, const S: usize, const C: usize>(
+    args: &IdentifyArgs,
+    setup: &Setup<P, S, C>,
+) -> f64 {
+    let named = args.vehicle.is_some() || args.into.as_ref().is_some_and(|file| file.exists());
+    let declared = P::Parameters::TABLE.iter().find(|parameter| parameter.name == "steering.rate_limit");
+    declared.filter(|_| named).map_or(f64::INFINITY, |parameter| parameter.get(&setup.vehicle))
+}
+
 fn from_drives<V: LateralVehicle<S>, const S: usize>(
     drives: &[SteeringDrive],
     through: Option<(&V, f64)>,
+    rate_limit: f64,
 ) -> Result<IdentifiedSteering, crate::nominal::DrivesError> {
     match through {
         Some((vehicle, slowest)) => identify_by_yaw_rate_from_drives(drives, vehicle, slowest),
-        None => identify_from_drives(drives),
+        None => identify_with_limit_from_drives(drives, rate_limit),
     }
 }
 
@@ -286,6 +298,7 @@ fn from_drives<V: LateralVehicle<S>, const S: usize>(
 fn contradiction<V: LateralVehicle<S>, const S: usize>(
     drives: &[SteeringDrive],
     through: Option<(&V, f64)>,
+    rate_limit: f64,
 ) -> Option<String> {
     let logs: Vec<&[SteeringDrive]> = drives.chunk_by(|a, b| a.name == b.name).collect();
     if logs.len() < 2 {
@@ -293,7 +306,7 @@ fn contradiction<V: LateralVehicle<S>, const S: usize>(
     }
     let alone: Vec<(&str, IdentifiedSteering)> = logs
         .into_iter()
-        .filter_map(|log| Some((log[0].name.as_str(), from_drives(log, through).ok()?)))
+        .filter_map(|log| Some((log[0].name.as_str(), from_drives(log, through, rate_limit).ok()?)))
         .collect();
     alone.iter().enumerate().find_map(|(place, (name, found))| {
         alone[place + 1..].iter().find_map(|(other, others)| {

@@ -71,11 +71,18 @@ fn notes(found: &IdentifiedLog, steering: &IdentifiedSteering, args: &IdentifyAr
     if let Some(limit) = steering.rate_limit {
         warn!("note: the angle's rate is limited to {limit:.3} rad/s: rows at the limit were left out");
     }
+    let command = crate::signal::STEER_CMD.name;
     if steering.between == Between::Line {
         warn!(
             "note: commands between those that are written lie on a line: they are recorded more slowly than they are given; record \
-             {} at the controller's rate",
-            crate::signal::STEER_CMD.name
+             {command} at the controller's rate"
+        );
+    }
+    if steering.unseen_delay > 0.0 {
+        warn!(
+            "note: rows come more slowly than controllers give commands, and do not show these: {:.0} ms of the dead time are for \
+             commands at 50 Hz, and its interval holds any rate; record {command} at the controller's rate",
+            1e3 * steering.unseen_delay
         );
     }
     let (gain, is_known) = (steering.gain.value, steering.gain.excited);
@@ -191,5 +198,6 @@ pub(super) fn as_json(found: &IdentifiedLog, args: &IdentifyArgs) -> Value {
     value["left_out"] = json!(left_out);
     value["rate_limit"] = json!(steering.rate_limit);
     value["between_rows"] = json!(steering.between.name());
+    value["unseen_delay"] = json!(steering.unseen_delay);
     value
 }

@@ -55,12 +55,21 @@ impl BestPoint {
 
     /// True if it explains its rows better than another one does, by more than chance makes it.
     pub fn explains_more_than(&mut self, other: &Self) -> bool {
+        self.is_ahead_of(other, FitNoise::inflation)
+    }
+
+    /// The same of what acts in a few rows: by the noise of all of them, for those few do not tell it.
+    pub fn explains_more_anywhere_than(&mut self, other: &Self) -> bool {
+        self.is_ahead_of(other, FitNoise::inflation_anywhere)
+    }
+
+    fn is_ahead_of(&mut self, other: &Self, inflation: fn(&FitNoise, &[f64]) -> f64) -> bool {
         // Both by the same rows.
         let mut other = other.clone();
         other.problem.rows.counts.clone_from(&self.problem.rows.counts);
         other.best = other.problem.refine(&other.best, 0.02, 0.04);
         let noise = FitNoise::of(&mut self.problem, &self.best);
-        other.problem.is_worse(&other.best, &mut self.problem, &self.best, &noise)
+        other.problem.is_worse(&other.best, &mut self.problem, &self.best, (&noise, inflation))
     }
 
     /// The same without a gap.

@@ -33,19 +33,49 @@ pub(super) struct BestPoint {
     pub best: Point,
     /// Rows that count before any is judged by a fit, and values left out by then.
     given: (Vec<bool>, usize),
+    /// Rate limit that the vehicle's file tells, rad/s of the command; infinite for none.
+    told_limit: f64,
 }
 
 impl BestPoint {
     /// A first point, before any row is judged.
     pub fn at(problem: ActuatorProblem, best: Point) -> Self {
         let given = (problem.rows.counts.clone(), problem.rows.left_out.len());
-        Self { problem, best, given }
+        Self { problem, best, given, told_limit: f64::INFINITY }
     }
 
     /// The best of all, without rows that stand out.
     pub fn of(mut problem: ActuatorProblem) -> Self {
         let best = problem.search();
         Self::at(problem, best).polished()
+    }
+
+    /// The same, of a vehicle that is told to have a rate limit.
+    pub fn told(self, told_limit: f64) -> Self {
+        Self { told_limit, ..self }
+    }
+
+    /// Rate limit that the vehicle is told to have.
+    pub fn told_limit(&self) -> f64 {
+        self.told_limit
+    }
+
+    /// Rows that stand out of the fit.
+    pub fn outlying(&self) -> usize {
+        self.problem.rows.left_out.len() - self.given.1
+    }
+
+    /// The squares, with as much for a row that stands out as one does at least.
+    pub fn charged(&self) -> f64 {
+        self.best.cost + self.outlying() as f64 * (OUTLYING * self.rms()).powi(2)
+    }
+
+    /// With all rows that were given: no fit has said anything of them.
+    pub fn unjudged(&self) -> Self {
+        let mut all = self.clone();
+        all.problem.rows.counts.copy_from_slice(&self.given.0);
+        all.problem.rows.left_out.truncate(self.given.1);
+        all
     }
 
     /// The best near the best, without rows that stand out.

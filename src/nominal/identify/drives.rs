@@ -53,6 +53,8 @@ pub struct IdentifiedSteering {
     pub rate_limit: Option<f64>,
     /// Assumption between rows.
     pub between: Between,
+    /// Part of the dead time that no row shows, s: commands are taken to be given at 50 Hz or faster.
+    pub unseen_delay: f64,
 }
 
 /// Reasons for which drives tell nothing of the steering.
@@ -143,14 +145,25 @@ impl IdentifiedSteering {
 /// # Errors
 /// Too few rows; a response that does not follow.
 pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteering, DrivesError> {
+    identify_with_limit_from_drives(drives, f64::INFINITY)
+}
+
+/// The same of a vehicle that is told to have a rate limit, in rad/s of the command: it is modelled if the drives do not speak against it.
+///
+/// # Errors
+/// As [`identify_from_drives`].
+pub fn identify_with_limit_from_drives(
+    drives: &[SteeringDrive],
+    rate_limit: f64,
+) -> Result<IdentifiedSteering, DrivesError> {
     let rows = checked(drives, false)?;
     let held = |rows: &DriveRows| {
         let response = Response::angle(rows, Between::Held);
-        BestPoint::of(ActuatorProblem::new(rows.clone(), response)).with_gap_and_limit()
+        BestPoint::of(ActuatorProblem::new(rows.clone(), response)).told(rate_limit).with_gap_and_limit()
     };
     let mut found = held(&rows);
     if found.rms() <= 10.0 * LEAST_NOISE {
-        return found.identified(ConstantsReach::default());
+        return found.between_rows().identified(ConstantsReach::default());
     }
     let filled = rows.with_lost_rows(drives).map(|rows| held(&rows));
     let is_better = |filled: &mut BestPoint| {
@@ -160,16 +173,7 @@ pub fn identify_from_drives(drives: &[SteeringDrive]) -> Result<IdentifiedSteeri
             || filled.problem.rows.laid && alike && filled.explains_more_than(&found)
     };
     found = filled.and_then(|mut filled| is_better(&mut filled).then_some(filled)).unwrap_or(found);
-    let mut line = found.clone();
-    line.problem.response = Response::angle(&line.problem.rows, Between::Line);
-    // A line runs half a step behind the step before it.
-    let (half, best) = (0.5 * rows.step, found.best);
-    let near = Point { dead_time: (best.dead_time + half).min(LONGEST_DEAD_TIME), ..best };
-    line.best = line.problem.refine(&near, 2.0 * half, 4.0 * half);
-    if line.rms() < LINE_BETTER * found.rms() {
-        found = line.polished();
-    }
-    found.identified(ConstantsReach::default())
+    found.between_rows().identified(ConstantsReach::default())
 }
 
 /// The actuator from drives whose response is the yaw rate, at whatever speeds. The linear model of the vehicle lies
@@ -187,7 +191,7 @@ pub fn identify_by_yaw_rate_from_drives<V: LateralVehicle<S>, const S: usize>(
     let response = Response::yaw_rate(&rows, vehicle, slowest)?;
     let found = BestPoint::of(ActuatorProblem::new(rows, response)).with_gap();
     let error = found.model_error(vehicle, slowest)?;
-    found.identified(error)
+    found.between_rows().identified(error)
 }
 
 fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<DriveRows, DrivesError> {
@@ -212,6 +216,23 @@ fn checked(drives: &[SteeringDrive], with_speed: bool) -> Result<DriveRows, Driv
 }
 
 impl BestPoint {
+    /// With the course of the command between rows that explains them, as far as one of the two does.
+    fn between_rows(mut self) -> Self {
+        let mut line = self.clone();
+        line.problem.response.between = Between::Line;
+        line.problem.response.rate_limit = f64::INFINITY;
+        // A line runs half a step behind the step before it.
+        let (half, best) = (0.5 * self.problem.rows.step, self.best);
+        let near = Point { dead_time: (best.dead_time + half).min(LONGEST_DEAD_TIME), ..best };
+        line.best = line.problem.refine(&near, 2.0 * half, 4.0 * half);
+        if line.rms() < LINE_BETTER * self.rms() {
+            return line.polished();
+        }
+        self.problem.response.between =
+            if self.explains_more_than(&line) { Between::Held } else { Between::Either };
+        self
+    }
+
     fn identified(mut self, error: ConstantsReach) -> Result<IdentifiedSteering, DrivesError> {
         let rows = self.problem.rows.counted();
         let variance: f64 = self
@@ -253,17 +274,23 @@ impl BestPoint {
             offset = offset.map(|value| value + self.problem.rows.mean);
         }
         let whole = best.dead_time + best.lag;
-        let time = |value: f64, ends: &Ends, error: Reach, of: fn(&Point) -> f64| {
-            let (low, high) = (of(&ends.low).min(value), of(&ends.high).max(value));
-            let enough = TIME_ENOUGH.max(TIME_SHARE * whole);
-            let excited = ends.closed.iter().all(|closed| *closed) && 0.5 * (high - low) <= enough;
-            let found = error.widen(Estimate { value, low, high, excited });
-            Estimate { low: found.low.max(0.0), ..found }
-        };
+        let between = if self.problem.rows.laid { Between::Line } else { self.problem.response.between };
+        let unseen = if self.problem.rows.laid { [0.0; 3] } else { between.unseen(self.problem.rows.step) };
+        let time =
+            |value: f64, ends: &Ends, error: Reach, of: fn(&Point) -> f64, [early, usual, late]: [f64; 3]| {
+                let (low, high) = (of(&ends.low).min(value) + early, of(&ends.high).max(value));
+                let enough = TIME_ENOUGH.max(TIME_SHARE * whole);
+                // Rows at the rate of ordinary controllers are taken for theirs.
+                let half = 0.5 * (high + usual - low);
+                let excited = ends.closed.iter().all(|closed| *closed) && half <= enough;
+                let high = high + late;
+                let found = error.widen(Estimate { value: value + usual, low, high, excited });
+                Estimate { low: found.low.max(0.0), ..found }
+            };
         let mut identified = IdentifiedSteering {
-            dead_time: time(best.dead_time, &dead_times, error.dead_time, |point| point.dead_time),
-            lag: time(best.lag, &lags, error.lag, |point| point.lag),
-            delay: time(whole, &sums, error.delay, |point| point.dead_time + point.lag),
+            dead_time: time(best.dead_time, &dead_times, error.dead_time, |point| point.dead_time, unseen),
+            lag: time(best.lag, &lags, error.lag, |point| point.lag, [0.0; 3]),
+            delay: time(whole, &sums, error.delay, |point| point.dead_time + point.lag, unseen),
             gain: error.gain.widen(estimate(gain, GAIN_SHARE * gain[1].abs())),
             offset: error.offset.widen(estimate(offset, OFFSET_ENOUGH)),
             rmse: self.rms(),
@@ -273,7 +300,8 @@ impl BestPoint {
             backlash: backlash.map(|width| estimate(width, GAP_ENOUGH.max(GAP_SHARE * width[1]))),
             rate_limit: Some(self.problem.response.rate_limit * best.beta[0].abs())
                 .filter(|limit| limit.is_finite()),
-            between: if self.problem.rows.laid { Between::Line } else { self.problem.response.between },
+            between,
+            unseen_delay: unseen[1],
         };
         if explained < LEAST_SHARE {
             self.no_response(&mut identified)?;

@@ -103,6 +103,24 @@ impl FitNoise {
         (self.long_run(v) / (self.variance * squares)).max(1.0)
     }
 
+    /// The same by noise that is alike everywhere: its correlation is that of all rows, not of those few at which `v` is.
+    pub fn inflation_anywhere(&self, v: &[f64]) -> f64 {
+        let squares = v.iter().map(|v| v * v).sum::<f64>();
+        if squares <= 0.0 {
+            return 1.0;
+        }
+        let products = |of: &[f64], lag: usize| of[lag..].iter().zip(of).map(|(a, b)| a * b).sum::<f64>();
+        let width = (WIDTH * self.rows).min(v.len() / 4).max(1);
+        let own = products(&self.residual, 0).max(f64::MIN_POSITIVE);
+        let shared: f64 = (1..if self.rows <= 1 { 1 } else { width })
+            .map(|lag| {
+                let weight = 1.0 - lag as f64 / width as f64;
+                2.0 * weight * products(&self.residual, lag) / own * products(v, lag) / squares
+            })
+            .sum();
+        (1.0 + shared).max(self.inflation(v))
+    }
+
     /// Long-run variance of `sum v_k r_k`.
     pub fn long_run(&self, v: &[f64]) -> f64 {
         let z: Vec<f64> = v.iter().zip(&self.residual).map(|(v, r)| v * r).collect();
@@ -172,10 +190,17 @@ impl ActuatorProblem {
     }
 
     /// True if another problem's best, with one more parameter, fits the same rows better than chance makes it.
-    pub fn is_worse(&mut self, best: &Point, other: &mut Self, better: &Point, noise: &FitNoise) -> bool {
+    /// The noise comes with what it makes of a difference of the fits.
+    pub fn is_worse(
+        &mut self,
+        best: &Point,
+        other: &mut Self,
+        better: &Point,
+        (noise, inflation): (&FitNoise, fn(&FitNoise, &[f64]) -> f64),
+    ) -> bool {
         let (of_less, of_more) = (self.counted_residuals(best), other.counted_residuals(better));
         let v: Vec<f64> = of_less.iter().zip(&of_more).map(|(less, more)| less - more).collect();
-        best.cost - better.cost > noise.variance * CHI2_SEARCHED * noise.inflation(&v)
+        best.cost - better.cost > noise.variance * CHI2_SEARCHED * inflation(noise, &v)
     }
 
     /// The interval along a parameter.

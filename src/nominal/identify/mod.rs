@@ -27,7 +27,10 @@ mod response;
 mod rows;
 mod steering_drive;
 
-pub use drives::{DrivesError, IdentifiedSteering, identify_by_yaw_rate_from_drives, identify_from_drives};
+pub use drives::{
+    DrivesError, IdentifiedSteering, identify_by_yaw_rate_from_drives, identify_from_drives,
+    identify_with_limit_from_drives,
+};
 pub use estimate::Estimate;
 pub use record::{DelayModel, IdentifiedActuator, IdentifyError, SteeringRecord};
 pub use steering_drive::{Between, LeftOut, SteeringDrive};

@@ -1,4 +1,4 @@
-//! A limit of the angle's rate: modelled if it explains clearly more.
+//! A limit of the angle's rate: that of the vehicle's file, if it explains more than chance does; or one that explains clearly more.
 //!
 //! ```text
 //! x' = clamp((u(t - T) - x) / tau, +-limit)
@@ -22,17 +22,44 @@ const FINE_RATIO: f64 = 0.98;
 const CLEARLY_BETTER: f64 = 0.7;
 
 impl BestPoint {
-    /// Finds a rate limit, if one explains the response clearly better.
-    pub fn limited(mut self) -> Self {
+    /// With the rate limit that the drives show, if they show one: that of the vehicle's file, or one near it, or another one.
+    pub fn limited(self) -> Self {
         // What is exact has no limit.
         if self.rms() < 10.0 * LEAST_NOISE {
             return self;
         }
-        let least = self.rms();
+        self.at_told_limit().or_else(|| self.at_searched_limit()).unwrap_or(self)
+    }
+
+    /// With the limit of the vehicle's file. Without commands that are faster it changes nothing.
+    fn at_told_limit(&self) -> Option<Self> {
+        let told = Some(self.told_limit()).filter(|told| told.is_finite())?;
+        let mut known = self.unjudged();
+        known.problem.response.rate_limit = told;
+        known.best = known.problem.refine(&known.best, 0.02, 0.04);
+        let mut known = known.polished();
+        if !known.explains_more_anywhere_than(self) {
+            return None;
+        }
+        let mut near = known.unjudged().near_limit((told, known.best), (LIMIT_RATIO, ROUGH_SECTIONS, 0.01));
+        Some(if near.explains_more_anywhere_than(&known) { near } else { known })
+    }
+
+    /// With the limit that explains most, from the greatest rate downwards, if that is clear, or more than chance.
+    fn at_searched_limit(&self) -> Option<Self> {
+        // Rows at a limit may stand out of a fit without one.
+        let all = Some(self.unjudged()).filter(|_| self.outlying() > 0);
+        let found = all.iter().chain([self]).filter_map(Self::searched);
+        let mut limited = found.min_by(|a, b| a.charged().total_cmp(&b.charged()))?;
+        let clear = limited.rms() < CLEARLY_BETTER * self.rms();
+        (clear || limited.explains_more_anywhere_than(self)).then_some(limited)
+    }
+
+    fn searched(&self) -> Option<Self> {
         let mut part = self.problem.part();
         let greatest = self.problem.greatest_rate() / self.best.beta[0].abs().max(1e-9);
         let mut best = (f64::INFINITY, part.coarse(&self.best));
-        let without = best.1.cost;
+        let without = best.1;
         for k in 0..LIMITS {
             let limit = greatest * LIMIT_RATIO.powi(k);
             part.response.rate_limit = limit;
@@ -41,23 +68,21 @@ impl BestPoint {
                 best = (limit, found);
             }
         }
-        let clear = CLEARLY_BETTER * CLEARLY_BETTER * without;
-        if best.1.cost.is_nan() || best.1.cost >= clear {
-            return self;
+        if best.0.is_infinite() || !part.may_be_better(&best.1, &without, self.problem.rows.counted()) {
+            return None;
         }
         // The limit, with the best of the rest for each: a valley leads from a wrong limit to a wrong lag.
         let most = self.best.dead_time + self.best.lag + 2.0 * GRID;
         let window = most / f64::from(ROUGH);
         let found = Self::nearest_limit(&mut part, best, LIMIT_RATIO, (ROUGH_SECTIONS, window));
-        let mut other = self.clone();
-        let (limit, point) =
-            Self::nearest_limit(&mut other.problem, found, FINE_RATIO, (FINE_SECTIONS, 0.01));
-        (other.problem.response.rate_limit, other.best) = (limit, point);
-        let other = other.polished();
-        if other.rms() < CLEARLY_BETTER * least {
-            self = other;
-        }
-        self
+        Some(self.clone().near_limit(found, (FINE_RATIO, FINE_SECTIONS, 0.01)))
+    }
+
+    /// With the best limit near another one.
+    fn near_limit(mut self, near: (f64, Point), (ratio, sections, window): (f64, u32, f64)) -> Self {
+        let (limit, point) = Self::nearest_limit(&mut self.problem, near, ratio, (sections, window));
+        (self.problem.response.rate_limit, self.best) = (limit, point);
+        self.polished()
     }
 
     /// The best limit within a ratio of another, and its point with a dead time within a window of the other's.

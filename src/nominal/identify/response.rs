@@ -399,7 +399,7 @@ impl<'a> Walk<'a> {
         let (command, time) = (&self.rows.command, &self.rows.time);
         let row = self.arrived;
         let since = self.now - self.dead_time - time[row];
-        if self.between == Between::Held || row + 1 >= self.end || since < -TOGETHER {
+        if self.between != Between::Line || row + 1 >= self.end || since < -TOGETHER {
             return (command[row], 0.0);
         }
         let slope = (command[row + 1] - command[row]) / (time[row + 1] - time[row]);
