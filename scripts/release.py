@@ -134,7 +134,10 @@ def again(out: Path, options: list[str]) -> None:
             raise WheelError("the second build failed; its messages stand above")
         first, second = digests(out), digests(copy / "dist")
         if other := sorted(name for name in first.keys() | second.keys() if first.get(name) != second.get(name)):
-            raise WheelError(f"the second build gave other bits: {', '.join(other)}")
+            kept = out.with_name("dist-again")
+            shutil.rmtree(kept, ignore_errors=True)
+            shutil.copytree(copy / "dist", kept)
+            raise WheelError(f"the second build, which lies in {kept}, gave other bits: {', '.join(other)}")
         print(f"built twice, {len(first)} files, the same bits")
 
 

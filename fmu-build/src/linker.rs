@@ -76,6 +76,8 @@ pub fn run() -> ExitCode {
 }
 
 fn link(arguments: Vec<OsString>) -> std::io::Result<u8> {
+    let here = std::env::current_dir()?;
+    let arguments: Vec<_> = arguments.into_iter().map(|argument| from_here(argument, &here)).collect();
     let real = std::env::var_os(REAL).unwrap_or_else(|| "cc".into());
     let real = real.to_str().and_then(std::env::var_os).unwrap_or(real);
     let run = |arguments: &[OsString]| -> std::io::Result<u8> {
@@ -95,7 +97,7 @@ fn link(arguments: Vec<OsString>) -> std::io::Result<u8> {
         let mut arguments = arguments.clone();
         arguments[place] = format!("{before}{}", own.display()).into();
         let library = linked_as(Path::new(&arguments[output]), standard);
-        arguments.extend(strip(&library, standard, &arguments[0]));
+        arguments.extend(strip(&library, &arguments[0]));
         arguments[output] = library.into();
         let code = run(&arguments)?;
         if code != 0 {
@@ -105,10 +107,20 @@ fn link(arguments: Vec<OsString>) -> std::io::Result<u8> {
     Ok(0)
 }
 
-/// What takes this machine's folders and local symbols out of a library for macOS: rustc does it after the linker, and only to
-/// the library that it knows. For the others rustc tells the linker itself.
-fn strip(library: &Path, standard: Standard, first: &OsString) -> Vec<OsString> {
-    if standard == Standard::Fmi2 || library.extension().is_none_or(|suffix| suffix != "dylib") {
+/// A file below this folder by its relative path. The linker for Windows sorts imports by the paths of the files that ask for
+/// them, and where the project lies is not to be seen in a library.
+fn from_here(argument: OsString, here: &Path) -> OsString {
+    match Path::new(&argument).strip_prefix(here) {
+        Ok(relative) if !relative.as_os_str().is_empty() => relative.into(),
+        _ => argument,
+    }
+}
+
+/// What takes this machine's folders and local symbols out of a library for macOS. rustc does it after the linker, to the library
+/// that it knows; by then the linker has taken the library's UUID from the whole, folders and all. For other systems rustc
+/// tells the linker itself.
+fn strip(library: &Path, first: &OsString) -> Vec<OsString> {
+    if library.extension().is_none_or(|suffix| suffix != "dylib") {
         return Vec::new();
     }
     // The linker itself, or a compiler before it.
@@ -211,12 +223,24 @@ mod tests {
     }
 
     #[test]
-    fn what_rustc_strips_after_the_linker_is_stripped_by_it() {
+    fn folders_of_a_library_for_macos_are_taken_out_by_the_linker() {
         let (mac, linux) = (Path::new("libfmu.fmi3.dylib"), Path::new("libfmu.fmi3.so"));
-        assert_eq!(strip(mac, Standard::Fmi3, &"-flavor".into()), ["-S", "-x"]);
-        assert_eq!(strip(mac, Standard::Fmi3, &"-arch".into()), ["-Wl,-S", "-Wl,-x"]);
-        assert!(strip(mac, Standard::Fmi2, &"-flavor".into()).is_empty());
-        assert!(strip(linux, Standard::Fmi3, &"-m64".into()).is_empty());
+        assert_eq!(strip(mac, &"-flavor".into()), ["-S", "-x"]);
+        assert_eq!(strip(Path::new("libfmu.dylib"), &"-arch".into()), ["-Wl,-S", "-Wl,-x"]);
+        assert!(strip(linux, &"-m64".into()).is_empty());
+    }
+
+    #[test]
+    fn files_of_the_project_are_named_without_its_folder() {
+        let here = Path::new("/home/me/rfl");
+        for (given, wanted) in [
+            ("/home/me/rfl/target/deps/a.rlib", "target/deps/a.rlib"),
+            ("/usr/lib/libm.a", "/usr/lib/libm.a"),
+            ("/home/me/rfl", "/home/me/rfl"),
+            ("-Wl,--version-script=/home/me/rfl/list", "-Wl,--version-script=/home/me/rfl/list"),
+        ] {
+            assert_eq!(from_here(given.into(), here), wanted);
+        }
     }
 
     #[test]
