@@ -302,7 +302,11 @@ fn recorded(drive: &SteeringDrive, change: impl Fn(usize, [f64; 2]) -> [f64; 2])
     let rows: Vec<[f64; 2]> =
         (0..drive.time.len()).map(|row| change(row, [drive.steer_cmd[row], drive.response[row]])).collect();
     let column = |name: &str, place: usize| (name.to_owned(), rows.iter().map(|row| row[place]).collect());
-    let columns = vec![("time".to_owned(), drive.time.clone()), column("steer_cmd", 0), column("steer", 1)];
+    let mut columns =
+        vec![("time".to_owned(), drive.time.clone()), column("steer_cmd", 0), column("steer", 1)];
+    if !drive.speed.is_empty() {
+        columns.push(("vx".to_owned(), drive.speed.clone()));
+    }
     let log = DriveLog::from_columns(std::path::Path::new("log.csv"), columns).unwrap();
     SteeringLog::by_angle(&log, &|_| 2.7).unwrap()
 }
@@ -328,6 +332,27 @@ fn what_recorders_do_to_the_angle_takes_no_time() {
         let off = found.dead_time.value + found.lag.value - 0.16;
         assert!(off.abs() < most, "{case}: {off}, {found:?}");
     }
+}
+
+/// While the vehicle stands a person turns the wheel, and nothing commands.
+#[test]
+fn what_a_vehicle_does_that_stands_tells_nothing_of_its_actuator() {
+    let mut drive = synthetic(&chain(0.06, 0.1), 3000, 1e-4, 26);
+    drive.speed = (0..3000).map(|row| if row < 1000 { 0.0 } else { 12.0 }).collect();
+    let parked =
+        recorded(
+            &drive,
+            |row, [command, angle]| {
+                if row < 1000 { [0.0, 0.2 * (0.01 * row as f64).sin()] } else { [command, angle] }
+            },
+        );
+    assert!(
+        parked.findings.iter().any(|it| it.summary.contains("20.0 s the vehicle stands")),
+        "{:?}",
+        parked.findings
+    );
+    let found = identify_from_drives(&parked.drives).unwrap();
+    assert!((found.delay.value - 0.16).abs() < 3e-3 && found.excited(), "{found:?}");
 }
 
 #[test]

@@ -211,6 +211,29 @@ fn velocity_and_place_of_another_point_are_brought_to_the_centre_of_gravity() {
     }
 }
 
+/// A receiver beside the middle: the yaw rate moves it back and forth.
+#[test]
+fn a_place_beside_the_middle_is_brought_to_the_centre_of_gravity() {
+    for (seed, ahead, left) in [(7, -1.0, 0.4), (8, 0.0, -0.6), (9, 1.2, 0.3)] {
+        let sound = columns(seed, &[]);
+        let mut moved = sound.clone();
+        taken_at(&mut moved, "x", ahead);
+        let yaw = moved["yaw"].clone();
+        for (name, by) in [("x", (|yaw: f64| -yaw.sin()) as fn(f64) -> f64), ("y", f64::cos)] {
+            let place = moved.get_mut(name).unwrap().iter_mut().zip(&yaw);
+            place.for_each(|(place, yaw)| *place += left * by(*yaw));
+        }
+        let log = cleaned(moved).unwrap();
+        let words = said(&log.findings, "x", FindingSeverity::Warning);
+        assert!(words.contains(if left > 0.0 { "m left of the" } else { "m right of the" }), "{words}");
+        assert_eq!(words.contains("before and") || words.contains("behind and"), ahead != 0.0, "{words}");
+        for of in ["x", "y"] {
+            let off = log.columns[of].iter().zip(&sound[of]).map(|(a, b)| (a - b).abs());
+            assert!(off.fold(0.0, f64::max) < 0.25, "{words}: {of} is still elsewhere");
+        }
+    }
+}
+
 #[test]
 fn no_vehicle_moves_the_point_of_a_sound_velocity() {
     for (seed, put_in) in [

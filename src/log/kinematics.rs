@@ -163,8 +163,9 @@ pub(super) fn vy_point(log: &CleanLog) -> Option<(f64, f64)> {
     first_coefficient_of_neighbours(&mild(&spans, &felt, spans.integrals(|i| vy[i])), &rows)
 }
 
-/// The same of the point whose place is `x`, `y`: its velocity across the heading moves it.
-pub(super) fn place_point(log: &CleanLog) -> Option<(f64, f64)> {
+/// The same of the point whose place is `x`, `y`, for its velocity across the heading moves it; and how far it lies to the left of
+/// that whose speed is `vx`, as the yaw rate moves it back and forth.
+pub(super) fn place_point(log: &CleanLog) -> Option<[(f64, f64); 2]> {
     let [x, y, yaw, vx, rate] = ["x", "y", "yaw", "vx", "yaw_rate"].map(|name| log.columns.get(name));
     let (x, y, yaw, vx, rate) = (x?, y?, yaw?, vx?, rate?);
     let (spans, felt) = (Spans::of(log), felt(log)?);
@@ -181,11 +182,14 @@ pub(super) fn place_point(log: &CleanLog) -> Option<(f64, f64)> {
             spans.integrals(|i| vx[i] * across(i)),
             spans.integrals(across),
             spans.integrals(|i| vx[i] * along(i)),
+            spans.integrals(|i| -rate[i] * along(i)),
         ];
         targets.extend(mild(&spans, &felt, spans.changes(|i| place[i])));
         rows.extend((0..spans.count()).map(|k| parts.each_ref().map(|part| part[k])));
     }
-    first_coefficient_of_neighbours(&targets, &rows)
+    let forward = first_coefficient_of_neighbours(&targets, &rows)?;
+    rows.iter_mut().for_each(|row| row.swap(0, 6));
+    Some([forward, first_coefficient_of_neighbours(&targets, &rows)?])
 }
 
 /// Lateral acceleration of a log: the measured one, or that of its turns.

@@ -7,7 +7,7 @@
 use super::agreement::{near, steers_early};
 use super::averaged;
 use super::clean::leave_out_faults;
-use super::clean_log::{CleanError, CleanLog, UnusableLog};
+use super::clean_log::{CleanError, CleanLog, STANDING, UnusableLog};
 use super::clock;
 use super::coarse;
 use super::copied;
@@ -107,10 +107,11 @@ impl SteeringLog {
                         .zip(written)
                         .filter(|(angle, _)| angle.is_finite())
                         .for_each(|(angle, it)| *angle = it);
+                    let stands = standing(&mut rows);
                     found.findings.append(&mut rows.findings);
                     let commands = clock.time.iter().copied().zip(rows.columns["steer_cmd"].iter().copied());
                     stated.push(commands.filter(|(_, command)| command.is_finite()).collect());
-                    found.drives.push(drive(name.clone(), &clock.time, &rows.columns, factors));
+                    found.drives.push(drive(name.clone(), &clock.time, &rows.columns, factors, &stands));
                 }
                 Err(error) => errors.push(error),
             }
@@ -212,6 +213,21 @@ impl SteeringLog {
     }
 }
 
+/// Rows in which the vehicle stands, where the log has it moving, too: a person turns the wheel, and tyres that do not roll hold it.
+/// What follows is a new stretch: no command tells where the wheels were.
+fn standing(rows: &mut LogRows) -> Vec<bool> {
+    let stands: Vec<bool> =
+        rows.columns.get("vx").into_iter().flatten().map(|vx| vx.abs() < STANDING).collect();
+    let count = stands.iter().filter(|stands| **stands).count();
+    if count == 0 || count == stands.len() {
+        return vec![false; rows.time.len()];
+    }
+    let seconds = count as f64 * rows.spacing;
+    let words = format!("for {seconds:.1} s the vehicle stands or creeps (below {STANDING} m/s): left out");
+    rows.find(FindingSeverity::Note, "vx", words);
+    stands
+}
+
 /// Time from command to command beyond which it matters that it may have changed between, s: a controller's usual one.
 const SELDOM: f64 = 0.025;
 /// Share of the changes that another one follows at once, from which on the command may have changed between them.
@@ -240,10 +256,17 @@ fn seldom_commanded(drives: &[Stated]) -> Option<Finding> {
     Some(Finding::new(FindingSeverity::Warning, Some("steer_cmd"), words))
 }
 
-/// Command and measured angle at their times. A command is in force up to the next one; rows without are left out.
-fn drive(name: String, time: &[f64], columns: &LogColumns, factors: [f64; 2]) -> SteeringDrive {
+/// Command and measured angle at their times. A command is in force up to the next one; rows without are
+/// left out, and those in which the vehicle stands.
+fn drive(
+    name: String,
+    time: &[f64],
+    columns: &LogColumns,
+    factors: [f64; 2],
+    stands: &[bool],
+) -> SteeringDrive {
     let (command, angle) = (&hold(time, &columns["steer_cmd"]), &columns["steer"]);
-    let rows: Vec<usize> = (0..time.len()).filter(|&row| command[row].is_finite()).collect();
+    let rows: Vec<usize> = (0..time.len()).filter(|&row| command[row].is_finite() && !stands[row]).collect();
     let of = |column: &[f64], factor: f64| rows.iter().map(|&row| factor * column[row]).collect();
     SteeringDrive {
         name,

@@ -95,9 +95,10 @@ const FLAT: f64 = 0.5;
 /// Half width of an interval that determines a gap, as a share, or in rad.
 const GAP_SHARE: f64 = 0.25;
 const GAP_ENOUGH: f64 = 1e-3;
-/// Lines between rows, or commands in the place of lost ones, must lower the error to this share of it: with steps that are steps
-/// they only raise it.
-const LINE_BETTER: f64 = 0.9;
+/// Commands in the place of lost ones must lower the error to this share of it: with steps that are steps they only raise it.
+const FILLED_BETTER: f64 = 0.9;
+/// Lines between rows must lower it to this one. They also soften what an actuator of another order softens.
+const LINE_BETTER: f64 = 0.7;
 
 impl IdentifiedSteering {
     /// The actuator to predict with.
@@ -169,7 +170,7 @@ pub fn identify_with_limit_from_drives(
     let is_better = |filled: &mut BestPoint| {
         // Under noise a wrong delay makes up for most of what slow commands lack.
         let alike = filled.problem.rows.time.len() == found.problem.rows.time.len();
-        filled.rms() < LINE_BETTER * found.rms()
+        filled.rms() < FILLED_BETTER * found.rms()
             || filled.problem.rows.laid && alike && filled.explains_more_than(&found)
     };
     found = filled.and_then(|mut filled| is_better(&mut filled).then_some(filled)).unwrap_or(found);
