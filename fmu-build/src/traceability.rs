@@ -1,5 +1,5 @@
-//! What an archive is, and the checksums of what it holds: Simulation Resource Meta Data (SRMD) of the SSP layered standard
-//! for traceability.
+//! Name and version of an archive, and the checksums of its content: Simulation Resource Meta Data (SRMD) of the SSP layered
+//! standard for traceability.
 //!
 //! Tools for credible simulation collect these files: they tell which model, vehicle, controller file and library a result was
 //! made with. Keywords are those of SET Level's `model-meta-data`, which the standard's own examples have. The second

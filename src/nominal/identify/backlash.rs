@@ -9,7 +9,7 @@
 
 use super::best_point::BestPoint;
 use super::fit::{ActuatorProblem, LEAST_NOISE, Point};
-use super::interval::FitNoise;
+use super::interval::{FitNoise, Inflation};
 
 /// Number of half gaps that are tried, each this share of the one before, from half the command's range.
 const GAPS: i32 = 12;
@@ -63,7 +63,7 @@ impl BestPoint {
         self.is_ahead_of(other, FitNoise::inflation_anywhere)
     }
 
-    fn is_ahead_of(&mut self, other: &Self, inflation: fn(&FitNoise, &[f64]) -> f64) -> bool {
+    fn is_ahead_of(&mut self, other: &Self, inflation: Inflation) -> bool {
         // Both by the same rows.
         let mut other = other.clone();
         other.problem.rows.counts.clone_from(&self.problem.rows.counts);

@@ -67,6 +67,9 @@ impl Along {
     }
 }
 
+/// Factor by which noise that hangs together makes a sum over rows less sure.
+pub(super) type Inflation = fn(&FitNoise, &[f64]) -> f64;
+
 impl FitNoise {
     /// Noise at a point: with free parameters, and with rounding as the least.
     pub fn of(problem: &mut ActuatorProblem, best: &Point) -> Self {
@@ -196,7 +199,7 @@ impl ActuatorProblem {
         best: &Point,
         other: &mut Self,
         better: &Point,
-        (noise, inflation): (&FitNoise, fn(&FitNoise, &[f64]) -> f64),
+        (noise, inflation): (&FitNoise, Inflation),
     ) -> bool {
         let (of_less, of_more) = (self.counted_residuals(best), other.counted_residuals(better));
         let v: Vec<f64> = of_less.iter().zip(&of_more).map(|(less, more)| less - more).collect();
