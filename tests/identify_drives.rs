@@ -355,6 +355,21 @@ fn what_a_vehicle_does_that_stands_tells_nothing_of_its_actuator() {
     assert!((found.delay.value - 0.16).abs() < 3e-3 && found.excited(), "{found:?}");
 }
 
+/// A controller that is not engaged writes the angle that it measures.
+#[test]
+fn a_command_that_is_the_measured_angle_asks_for_nothing() {
+    let drive = synthetic(&chain(0.06, 0.1), 3000, 1e-4, 27);
+    let angle = drive.response.clone();
+    let engaged = |row: usize| (row / 500).is_multiple_of(2);
+    let log = recorded(&drive, |row, [command, _]| {
+        [if engaged(row) { command } else { angle[row - 1] }, angle[row]]
+    });
+    let words = "for 30.0 s steer_cmd is the angle that was measured";
+    assert!(log.findings.iter().any(|it| it.summary.contains(words)), "{:?}", log.findings);
+    let found = identify_from_drives(&log.drives).unwrap();
+    assert!((found.delay.value - 0.16).abs() < 3e-3 && found.excited(), "{found:?}");
+}
+
 #[test]
 fn commands_that_come_seldom_are_said() {
     let drive = synthetic(&chain(0.06, 0.1), 3000, 1e-4, 22);

@@ -119,6 +119,23 @@ fn rows_in_which_a_command_rests_and_a_person_drives_are_not_judged() {
     }
 }
 
+/// A controller that is not engaged writes what was measured, in this row or the one before.
+#[test]
+fn rows_in_which_the_command_is_the_measured_angle_are_not_judged() {
+    for late in [0, 1] {
+        let mut log = columns(9, &[]);
+        let angle = log["steer"].clone();
+        log.get_mut("steer_cmd").unwrap()[500..900].copy_from_slice(&angle[500 - late..900 - late]);
+        let (said, log) = warned(log, "steer_cmd");
+        assert!(
+            said.contains("is the measured angle") && said.contains("someone else was in control"),
+            "{said}"
+        );
+        assert!(log.valid[502..940].iter().all(|valid| !valid), "{late}");
+        assert!(log.valid[60..495].iter().all(|valid| *valid) && log.commanded, "{late}");
+    }
+}
+
 #[test]
 fn a_measured_angle_that_is_the_command_is_left_out() {
     for (factor, digits) in [(1.0, 1e9), (57.29578, 1e4), (1.0, 1e6)] {

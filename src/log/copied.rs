@@ -11,6 +11,7 @@ use super::differences::noise;
 use super::finding::FindingSeverity;
 use super::rows::LogRows;
 use crate::numerics::statistics::quantile;
+use std::ops::Range;
 
 /// Remainder of a copy, as a share of the angle's spread: the digits of a file. An actuator of 5 ms leaves more of slow steering.
 const DIGITS: f64 = 1e-3;
@@ -47,6 +48,35 @@ pub(super) fn copy(log: &LogRows) -> Option<String> {
     })
 }
 
+/// Least length of a stretch in which the command is the angle, s, and least number of its changes there: angles in coarse steps
+/// are the command's by chance.
+const COPIED_FOR: f64 = 1.0;
+const CHANGES: usize = 20;
+/// Rows by which such a command is late: it is written when the angle has been read.
+const LATE: usize = 2;
+/// Difference of the same number, read twice and converted, rad.
+const SAME: f64 = 1e-6;
+
+/// Stretches in which the command is the angle that was measured, in that row or just before: a person drives, and a controller that
+/// is not engaged writes that it asks for what is.
+pub(super) fn stretches(command: &[f64], angle: &[f64], spacing: f64) -> Vec<Range<usize>> {
+    let mut copied = vec![false; command.len()];
+    for late in 0..=LATE {
+        let is_same = |row: &usize| (command[*row] - angle[row - late]).abs() <= SAME;
+        let mut row = late;
+        while row < command.len() {
+            let end = (row..command.len()).find(|row| !is_same(row)).unwrap_or(command.len());
+            let changes = (row + 1..end).filter(|&row| command[row] != command[row - 1]).count();
+            if changes >= CHANGES && (end - row) as f64 * spacing >= COPIED_FOR {
+                copied[row..end].fill(true);
+            }
+            row = end + 1;
+        }
+    }
+    let rows: Vec<usize> = (0..copied.len()).filter(|&row| copied[row]).collect();
+    rows.chunk_by(|a, b| a + 1 == *b).map(|run| run[0]..run[run.len() - 1] + 1).collect()
+}
+
 fn is_copy(command: &[f64], angle: &[f64]) -> bool {
     let pairs: Vec<(f64, f64)> = command
         .iter()
@@ -66,7 +96,20 @@ fn is_copy(command: &[f64], angle: &[f64]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::is_copy;
+    use super::{is_copy, stretches};
+
+    #[test]
+    fn a_command_that_follows_the_angle_is_found_where_it_does() {
+        let angle: Vec<f64> = (0..1000).map(|i| 0.1 * (0.01 * f64::from(i)).sin()).collect();
+        let mut command: Vec<f64> = angle.iter().map(|angle| 1.1 * angle + 0.01).collect();
+        assert!(stretches(&command, &angle, 0.01).is_empty());
+        command[301..600].copy_from_slice(&angle[300..599]);
+        let found = stretches(&command, &angle, 0.01);
+        assert!(found.len() == 1 && found[0] == (301..600), "{found:?}");
+        // For a moment, or while both stand.
+        assert!(stretches(&command[..350], &angle[..350], 0.01).is_empty());
+        assert!(stretches(&[0.1; 1000], &[0.1; 1000], 0.01).is_empty());
+    }
 
     #[test]
     fn a_copy_is_told_from_a_quick_actuator_and_a_good_sensor() {

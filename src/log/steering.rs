@@ -21,6 +21,7 @@ use super::rows::{LogColumns, LogRows, WrongRows, hold};
 use crate::nominal::SteeringDrive;
 use crate::numerics::statistics::{median, quantile};
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// Steering beyond this is an angle in degrees, or at the steering wheel, rad.
@@ -107,11 +108,11 @@ impl SteeringLog {
                         .zip(written)
                         .filter(|(angle, _)| angle.is_finite())
                         .for_each(|(angle, it)| *angle = it);
-                    let stands = standing(&mut rows);
+                    let idle = idle(&mut rows);
                     found.findings.append(&mut rows.findings);
                     let commands = clock.time.iter().copied().zip(rows.columns["steer_cmd"].iter().copied());
                     stated.push(commands.filter(|(_, command)| command.is_finite()).collect());
-                    found.drives.push(drive(name.clone(), &clock.time, &rows.columns, factors, &stands));
+                    found.drives.push(drive(name.clone(), &clock.time, &rows.columns, factors, &idle));
                 }
                 Err(error) => errors.push(error),
             }
@@ -213,6 +214,22 @@ impl SteeringLog {
     }
 }
 
+/// Rows in which the actuator was given no command.
+fn idle(rows: &mut LogRows) -> Vec<bool> {
+    let mut idle = standing(rows);
+    let [command, angle] = ["steer_cmd", "steer"].map(|name| &rows.columns[name]);
+    let copies = copied::stretches(command, angle, rows.spacing);
+    if !copies.is_empty() {
+        let seconds = rows.spacing * copies.iter().map(Range::len).sum::<usize>() as f64;
+        let words = format!(
+            "for {seconds:.1} s steer_cmd is the angle that was measured: nothing was commanded; left out"
+        );
+        rows.find(FindingSeverity::Warning, "steer_cmd", words);
+        copies.into_iter().for_each(|copy| idle[copy].fill(true));
+    }
+    idle
+}
+
 /// Rows in which the vehicle stands, where the log has it moving, too: a person turns the wheel, and tyres that do not roll hold it.
 /// What follows is a new stretch: no command tells where the wheels were.
 fn standing(rows: &mut LogRows) -> Vec<bool> {
@@ -257,16 +274,16 @@ fn seldom_commanded(drives: &[Stated]) -> Option<Finding> {
 }
 
 /// Command and measured angle at their times. A command is in force up to the next one; rows without are
-/// left out, and those in which the vehicle stands.
+/// left out, and so are those in which none was given to it.
 fn drive(
     name: String,
     time: &[f64],
     columns: &LogColumns,
     factors: [f64; 2],
-    stands: &[bool],
+    idle: &[bool],
 ) -> SteeringDrive {
     let (command, angle) = (&hold(time, &columns["steer_cmd"]), &columns["steer"]);
-    let rows: Vec<usize> = (0..time.len()).filter(|&row| command[row].is_finite() && !stands[row]).collect();
+    let rows: Vec<usize> = (0..time.len()).filter(|&row| command[row].is_finite() && !idle[row]).collect();
     let of = |column: &[f64], factor: f64| rows.iter().map(|&row| factor * column[row]).collect();
     SteeringDrive {
         name,

@@ -12,6 +12,7 @@
 
 use super::ratios::{BLOCK, MILD, blocks};
 use crate::log::clean_log::{CleanError, CleanLog, is_long_enough};
+use crate::log::copied;
 use crate::log::even::SETTLING;
 use crate::log::finding::FindingSeverity;
 use crate::log::kinematics;
@@ -224,7 +225,7 @@ pub(in crate::log) fn leave_out_rests(log: &mut CleanLog, steering: &dyn Fn(f64)
             log.columns.remove("accel_cmd");
             log.find(FindingSeverity::Warning, "accel_cmd", words);
         } else {
-            take_out(log, "accel_cmd", &found, "drives or brakes");
+            take_out(log, "accel_cmd", &found, ["rests", "drives or brakes"]);
         }
     }
     if log.commanded
@@ -243,8 +244,14 @@ pub(in crate::log) fn leave_out_rests(log: &mut CleanLog, steering: &dyn Fn(f64)
             log.commanded = false;
             log.find(FindingSeverity::Warning, "steer_cmd", words);
         } else {
-            take_out(log, "steer_cmd", &found, "steers");
+            take_out(log, "steer_cmd", &found, ["rests", "steers"]);
         }
+    }
+    if let (true, Some(command), Some(angle)) =
+        (log.commanded, log.columns.get("steer_cmd"), log.columns.get("steer"))
+    {
+        let found = copied::stretches(command, angle, log.step);
+        take_out(log, "steer_cmd", &found, ["is the measured angle", "steers"]);
     }
 }
 
@@ -259,8 +266,8 @@ fn turned(log: &CleanLog, steering: &dyn Fn(f64) -> f64) -> Option<Vec<f64>> {
     Some(blocks(log, vx).zip(blocks(log, rate)).map(needed).collect())
 }
 
-/// Takes rests and what follows, as after a gap, out of the comparison.
-fn take_out(log: &mut CleanLog, column: &'static str, rests: &[Range<usize>], does: &str) {
+/// Takes rows in which a command says nothing, and what follows, as after a gap, out of the comparison.
+fn take_out(log: &mut CleanLog, column: &'static str, rests: &[Range<usize>], [is, does]: [&str; 2]) {
     let Some(longest) = rests.iter().max_by_key(|rest| rest.len()) else { return };
     let value = log.columns[column][longest.start];
     let settling = (SETTLING / log.step).round() as usize;
@@ -277,7 +284,7 @@ fn take_out(log: &mut CleanLog, column: &'static str, rests: &[Range<usize>], do
         (FindingSeverity::Suspicion, "the rest of the drive is too short to be judged alone")
     };
     let words = format!(
-        "{column} rests {} for {:.1} s in all while the vehicle {does}, the longest time at {value:.4} from {:.2} s to {:.2} s: someone \
+        "{column} {is} {} for {:.1} s in all while the vehicle {does}, the longest time at {value:.4} from {:.2} s to {:.2} s: someone \
          else was in control; {then}",
         if rests.len() == 1 { "once".to_owned() } else { format!("{} times", rests.len()) },
         log.step * rests.iter().map(Range::len).sum::<usize>() as f64,
