@@ -3,6 +3,7 @@
 //! The GUID (3.0: instantiation token) is a UUID of version 5 over the document without it: the same declaration gives the
 //! same GUID, any change another one.
 
+use crate::GENERATION_TOOL;
 use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
 use rfl_mpc::fmi::logger::STANDARD_CATEGORIES;
@@ -56,7 +57,7 @@ fn document(standard: Standard, declaration: &Declaration, mark: &str) -> String
             .with("author", env!("CARGO_PKG_AUTHORS"))
             .with("version", env!("CARGO_PKG_VERSION"))
             .with("license", env!("CARGO_PKG_LICENSE"))
-            .with("generationTool", concat!("fmu-build ", env!("CARGO_PKG_VERSION")))
+            .with("generationTool", GENERATION_TOOL)
             .with("variableNamingConvention", "structured")
             .with_some("numberOfEventIndicators", is_old.then_some(0)),
     );

@@ -19,6 +19,9 @@
 //! | `package.rs` | the archive, reproducible |
 //! | `xml.rs` | elements and attributes |
 
+/// The tool that wrote a description, as the attribute `generationTool` names it.
+pub(crate) const GENERATION_TOOL: &str = concat!("fmu-build ", env!("CARGO_PKG_VERSION"));
+
 pub mod added;
 pub mod base;
 pub mod cargo;

@@ -10,6 +10,7 @@
 //! `.ssv` file with names `COMPONENT.PARAMETER`, and no step at all. libcosim ends at a connector that is an
 //! enumeration, and the standard does not let one be an integer: those stay out.
 
+use crate::GENERATION_TOOL;
 use crate::description::{base_unit, units_of};
 use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
@@ -209,7 +210,7 @@ impl System {
                 )
                 .with("version", standard.of_systems())
                 .with("name", &self.name)
-                .with("generationTool", concat!("fmu-build ", env!("CARGO_PKG_VERSION"))),
+                .with("generationTool", GENERATION_TOOL),
         );
         xml.open("ssd:System", Attributes::new().with("name", &self.name));
         xml.open("ssd:Elements", Attributes::new());

@@ -13,6 +13,7 @@
 //!
 //! Source: SSP Layered Standard Traceability 1.0, Modelica Association 2025, chapters on SRMD and on packaging.
 
+use crate::GENERATION_TOOL;
 use crate::package::{Package, PackageError};
 use crate::standard::Standard;
 use crate::xml::{Attributes, Xml};
@@ -86,7 +87,7 @@ impl Archive<'_> {
                 .with("author", env!("CARGO_PKG_AUTHORS"))
                 .with("fileversion", VERSION)
                 .with("license", env!("CARGO_PKG_LICENSE"))
-                .with("generationTool", concat!("fmu-build ", env!("CARGO_PKG_VERSION"))),
+                .with("generationTool", GENERATION_TOOL),
         );
         let told = [
             ("model.manufacturer", Some(env!("CARGO_PKG_AUTHORS"))),

@@ -9,7 +9,7 @@
 
 use super::differences::noise;
 use super::finding::FindingSeverity;
-use super::rows::LogRows;
+use super::rows::{LogRows, runs};
 use crate::numerics::statistics::quantile;
 use std::ops::Range;
 
@@ -74,7 +74,7 @@ pub(super) fn stretches(command: &[f64], angle: &[f64], spacing: f64) -> Vec<Ran
         }
     }
     let rows: Vec<usize> = (0..copied.len()).filter(|&row| copied[row]).collect();
-    rows.chunk_by(|a, b| a + 1 == *b).map(|run| run[0]..run[run.len() - 1] + 1).collect()
+    runs(&rows).collect()
 }
 
 fn is_copy(command: &[f64], angle: &[f64]) -> bool {

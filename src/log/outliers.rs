@@ -7,7 +7,7 @@
 use super::answered::{Answer, answers};
 use super::clean_log::CleanError;
 use super::finding::{Finding, FindingSeverity};
-use super::rows::{LogColumns, LogRows};
+use super::rows::{LogColumns, LogRows, runs};
 use crate::numerics::statistics::{median, quantile};
 use crate::signal;
 use std::ops::Range;
@@ -104,11 +104,10 @@ fn commands(log: &LogRows, longest: usize) -> Vec<usize> {
         outliers(values, &log.spans, longest, (of_spread, least_size("steer_cmd")))
     };
     let candidates = found(OF_SPREAD);
-    let runs = candidates.chunk_by(|a, b| a + 1 == *b).map(|run| run[0]..run[run.len() - 1] + 1);
     // A command may begin with a step.
     let within =
         |run: &Range<usize>| log.spans.iter().any(|span| span.start < run.start && run.end < span.end);
-    let runs: Vec<Range<usize>> = runs.filter(within).collect();
+    let runs: Vec<Range<usize>> = runs(&candidates).filter(within).collect();
     let large = if runs.is_empty() { Vec::new() } else { found(WHOLE_SPREAD) };
     let answers = answers(log, &runs);
     let is_outlier = |(run, answer): &(Range<usize>, Answer)| match answer {

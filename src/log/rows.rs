@@ -47,6 +47,11 @@ pub(super) fn bridge(time: &[f64], values: &[f64], longest: f64) -> Vec<f64> {
     bridged
 }
 
+/// Stretches of rows that follow each other; `rows` rise.
+pub(super) fn runs(rows: &[usize]) -> impl Iterator<Item = Range<usize>> {
+    rows.chunk_by(|a, b| a + 1 == *b).map(|run| run[0]..run[run.len() - 1] + 1)
+}
+
 /// Stretches of one value within a span, no shorter than so many rows.
 pub(super) fn repeats(values: &[f64], span: Range<usize>, shortest: usize) -> Vec<Range<usize>> {
     let (mut found, mut start) = (Vec::new(), span.start);

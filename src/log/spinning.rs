@@ -8,6 +8,7 @@
 //! different ways. No replay of the commands follows, and no cause is to be read from how it fails.
 
 use super::clean_log::{CleanLog, STANDING};
+use super::rows::runs;
 use std::ops::Range;
 
 /// Sideslip at the CG beyond which no tyre holds, rad: twice the slip angle at which most tyres grip most.
@@ -28,11 +29,7 @@ pub(super) fn leave_out(log: &mut CleanLog) {
         |row: usize| vx[row].hypot(vy[row]) > STANDING && vy[row].atan2(vx[row].abs()).abs() > SPINNING;
     let rows: Vec<usize> = (0..vx.len()).filter(|&row| log.valid[row] && spins(row)).collect();
     let least = log.rows_in(SHORTEST);
-    let stretches: Vec<Range<usize>> = rows
-        .chunk_by(|a, b| b - a == 1)
-        .filter(|rows| rows.len() >= least)
-        .map(|rows| rows[0]..rows[rows.len() - 1] + 1)
-        .collect();
+    let stretches: Vec<Range<usize>> = runs(&rows).filter(|rows| rows.len() >= least).collect();
     // A column that says so for most of the drive is another quantity: units and signs are told elsewhere.
     let moving = (0..vx.len()).filter(|&row| log.valid[row] && vx[row].abs() > STANDING).count();
     let Some(first) = stretches.first().filter(|_| rows.len() as f64 <= MOST * moving as f64).cloned() else {

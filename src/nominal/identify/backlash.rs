@@ -30,17 +30,18 @@ impl BestPoint {
     }
 
     /// With a gap and a rate limit, as far as the drives show them. They may show only together.
-    pub fn with_gap_and_limit(self) -> Self {
+    /// `told`: the limit of the vehicle's file, as for [`limited`](Self::limited).
+    pub fn with_gap_and_limit(self, told: f64) -> Self {
         let loose = self.loose(None);
-        let both = loose.clone().limited();
+        let both = loose.clone().limited(told);
         if both.problem.response.rate_limit.is_finite() {
             let known = both.problem.response.half_gap.map(|half| (half, both.best));
             let stiff = both.without_gap();
             let loose = stiff.loose(known).or(stiff);
-            return if loose.problem.response.half_gap.is_some() { loose } else { self.limited() };
+            return if loose.problem.response.half_gap.is_some() { loose } else { self.limited(told) };
         }
         let loose = loose.or(self.clone());
-        let limited = self.limited();
+        let limited = self.limited(told);
         if limited.rms() < loose.rms() { limited } else { loose }
     }
 

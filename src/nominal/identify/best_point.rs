@@ -33,31 +33,19 @@ pub(super) struct BestPoint {
     pub best: Point,
     /// Rows that count before any is judged by a fit, and values left out by then.
     given: (Vec<bool>, usize),
-    /// Rate limit that the vehicle's file tells, rad/s of the command; infinite for none.
-    told_limit: f64,
 }
 
 impl BestPoint {
     /// A first point, before any row is judged.
     pub fn at(problem: ActuatorProblem, best: Point) -> Self {
         let given = (problem.rows.counts.clone(), problem.rows.left_out.len());
-        Self { problem, best, given, told_limit: f64::INFINITY }
+        Self { problem, best, given }
     }
 
     /// The best of all, without rows that stand out.
     pub fn of(mut problem: ActuatorProblem) -> Self {
         let best = problem.search();
         Self::at(problem, best).polished()
-    }
-
-    /// The same, of a vehicle that is told to have a rate limit.
-    pub fn told(self, told_limit: f64) -> Self {
-        Self { told_limit, ..self }
-    }
-
-    /// Rate limit that the vehicle is told to have.
-    pub fn told_limit(&self) -> f64 {
-        self.told_limit
     }
 
     /// Rows that stand out of the fit.
@@ -73,9 +61,13 @@ impl BestPoint {
     /// With all rows that were given: no fit has said anything of them.
     pub fn unjudged(&self) -> Self {
         let mut all = self.clone();
-        all.problem.rows.counts.copy_from_slice(&self.given.0);
-        all.problem.rows.left_out.truncate(self.given.1);
+        all.forget();
         all
+    }
+
+    fn forget(&mut self) {
+        self.problem.rows.counts.copy_from_slice(&self.given.0);
+        self.problem.rows.left_out.truncate(self.given.1);
     }
 
     /// The best near the best, without rows that stand out.
@@ -112,9 +104,8 @@ impl BestPoint {
         let least = self.rms();
         let through_vehicle = !self.problem.response.free;
         self.problem.residuals(&self.best);
+        self.forget();
         let ActuatorProblem { rows, residual, .. } = &mut self.problem;
-        rows.counts.copy_from_slice(&self.given.0);
-        rows.left_out.truncate(self.given.1);
         let stretches: Vec<_> = rows.stretches().collect();
         let mut off = vec![0.0; rows.time.len()];
         let mut beside_off = off.clone();

@@ -160,7 +160,7 @@ pub fn identify_with_limit_from_drives(
     let rows = checked(drives, false)?;
     let held = |rows: &DriveRows| {
         let response = Response::angle(rows, Between::Held);
-        BestPoint::of(ActuatorProblem::new(rows.clone(), response)).told(rate_limit).with_gap_and_limit()
+        BestPoint::of(ActuatorProblem::new(rows.clone(), response)).with_gap_and_limit(rate_limit)
     };
     let mut found = held(&rows);
     if found.rms() <= 10.0 * LEAST_NOISE {

@@ -67,6 +67,11 @@ impl Along {
     }
 }
 
+/// Sum of products of a sequence with itself, so many places later.
+fn product(of: &[f64], lag: usize) -> f64 {
+    of[lag..].iter().zip(of).map(|(a, b)| a * b).sum()
+}
+
 /// Factor by which noise that hangs together makes a sum over rows less sure.
 pub(super) type Inflation = fn(&FitNoise, &[f64]) -> f64;
 
@@ -112,29 +117,30 @@ impl FitNoise {
         if squares <= 0.0 {
             return 1.0;
         }
-        let products = |of: &[f64], lag: usize| of[lag..].iter().zip(of).map(|(a, b)| a * b).sum::<f64>();
-        let width = (WIDTH * self.rows).min(v.len() / 4).max(1);
-        let own = products(&self.residual, 0).max(f64::MIN_POSITIVE);
-        let shared: f64 = (1..if self.rows <= 1 { 1 } else { width })
-            .map(|lag| {
-                let weight = 1.0 - lag as f64 / width as f64;
-                2.0 * weight * products(&self.residual, lag) / own * products(v, lag) / squares
-            })
-            .sum();
+        let own = product(&self.residual, 0).max(f64::MIN_POSITIVE);
+        let together = |lag| product(&self.residual, lag) / own * product(v, lag) / squares;
+        let shared = self.shared(self.width(v), together);
         (1.0 + shared).max(self.inflation(v))
+    }
+
+    /// Number of lags at which the noise of rows hangs together.
+    fn width(&self, v: &[f64]) -> usize {
+        (WIDTH * self.rows).min(v.len() / 4).max(1)
+    }
+
+    /// Sum over the lags, on both sides, with the weights of a triangle (Bartlett's).
+    fn shared(&self, width: usize, of: impl Fn(usize) -> f64) -> f64 {
+        if self.rows <= 1 {
+            return 0.0;
+        }
+        (1..width).map(|lag| 2.0 * (1.0 - lag as f64 / width as f64) * of(lag)).sum()
     }
 
     /// Long-run variance of `sum v_k r_k`.
     pub fn long_run(&self, v: &[f64]) -> f64 {
         let z: Vec<f64> = v.iter().zip(&self.residual).map(|(v, r)| v * r).collect();
-        let width = (WIDTH * self.rows).min(z.len() / 4).max(1);
-        let own = z.iter().map(|z| z * z).sum::<f64>();
-        let with = |lag: usize| z[lag..].iter().zip(&z).map(|(a, b)| a * b).sum::<f64>();
-        let shared: f64 = if self.rows <= 1 {
-            0.0
-        } else {
-            (1..width).map(|lag| 2.0 * (1.0 - lag as f64 / width as f64) * with(lag)).sum()
-        };
+        let (width, own) = (self.width(v), product(&z, 0));
+        let shared = self.shared(width, |lag| product(&z, lag));
         // A wide window knows the variance itself less well (Kiefer and Vogelsang's fixed share, to first order).
         let unsure = if self.rows <= 1 { 1.0 } else { 1.0 + 2.0 * width as f64 / z.len().max(1) as f64 };
         let floor = LEAST_NOISE * LEAST_NOISE * v.iter().map(|v| v * v).sum::<f64>();

@@ -22,18 +22,21 @@ const FINE_RATIO: f64 = 0.98;
 const CLEARLY_BETTER: f64 = 0.7;
 
 impl BestPoint {
-    /// With the rate limit that the drives show, if they show one: that of the vehicle's file, or one near it, or another one.
-    pub fn limited(self) -> Self {
+    /// With the rate limit that the drives show, if they show one: that of the vehicle's file, `told` in rad/s of
+    /// the command and infinite for none, or one near it, or another one.
+    pub fn limited(self, told: f64) -> Self {
         // What is exact has no limit.
         if self.rms() < 10.0 * LEAST_NOISE {
             return self;
         }
-        self.at_told_limit().or_else(|| self.at_searched_limit()).unwrap_or(self)
+        self.at_told_limit(told).or_else(|| self.at_searched_limit()).unwrap_or(self)
     }
 
     /// With the limit of the vehicle's file. Without commands that are faster it changes nothing.
-    fn at_told_limit(&self) -> Option<Self> {
-        let told = Some(self.told_limit()).filter(|told| told.is_finite())?;
+    fn at_told_limit(&self, told: f64) -> Option<Self> {
+        if told.is_infinite() {
+            return None;
+        }
         let mut known = self.unjudged();
         known.problem.response.rate_limit = told;
         known.best = known.problem.refine(&known.best, 0.02, 0.04);
