@@ -66,7 +66,8 @@ pub(super) fn stretches(command: &[f64], angle: &[f64], spacing: f64) -> Vec<Ran
         let mut row = late;
         while row < command.len() {
             let end = (row..command.len()).find(|row| !is_same(row)).unwrap_or(command.len());
-            let changes = (row + 1..end).filter(|&row| command[row] != command[row - 1]).count();
+            let changes =
+                (row + 1..end).filter(|&row| (command[row] - command[row - 1]).abs() > SAME).count();
             if changes >= CHANGES && (end - row) as f64 * spacing >= COPIED_FOR {
                 copied[row..end].fill(true);
             }
@@ -109,6 +110,10 @@ mod tests {
         // For a moment, or while both stand.
         assert!(stretches(&command[..350], &angle[..350], 0.01).is_empty());
         assert!(stretches(&[0.1; 1000], &[0.1; 1000], 0.01).is_empty());
+        // On a straight of a simulation, where both die away.
+        let dying =
+            |late: i32| (0..1000).map(|i| 5e-6 * (-0.01 * f64::from(i - late)).exp()).collect::<Vec<f64>>();
+        assert!(stretches(&dying(0), &dying(12), 0.01).is_empty());
     }
 
     #[test]
