@@ -20,18 +20,20 @@
 //! An unconnected sensor has the same residual under each hypothesis and is uninformative.
 //!
 //! The prior is that of the vehicle's file, mixed with ignorance. The controller predicts with the mean of the hypotheses, and
-//! is the calmer the wider they spread. A gap that is more probable than none is taken up: without hypotheses of a gap a
+//! is the calmer the wider they spread and the less the best one fits. A gap that is more probable than none is taken up: without hypotheses of a gap a
 //! vehicle that has one seems to have a dead time, and a calm controller weaves through the gap.
 //!
 //! Source: multiple-model estimation, Magill 1965; Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking
 //! and Navigation, 2001, ch. 11.6; the integrated likelihood: Gelman and others, Bayesian Data Analysis, ch. 14.
 
 mod hypothesis;
+mod misfit;
 mod regression;
 
 pub use self::hypothesis::WIDEST_GAP;
 pub(super) use self::hypothesis::slowest;
 use self::hypothesis::{ActuatorHypothesis, Hypotheses};
+use self::misfit::Misfit;
 use self::regression::{BESIDE, Rest, TINY};
 use super::step::Measurement;
 use crate::nominal::{Actuator, DeadTimeModel};
@@ -59,7 +61,7 @@ const LEAST_SPEED: f64 = 2.0;
 pub struct KnownActuator {
     /// Mean dead time and lag.
     pub actuator: Actuator,
-    /// Standard deviation of the sum of dead time and lag, s.
+    /// Standard deviation of the sum of dead time and lag, s, with the misfit of the best hypothesis.
     pub spread: f64,
     /// True once the drive has halved the standard deviation that was before it.
     pub shown: bool,
@@ -91,6 +93,7 @@ pub struct BankState {
     /// Place of the newest.
     newest: usize,
     steer: Steer,
+    misfit: Misfit,
     yaw: Yaw,
     /// Motion of the step before.
     before: Option<[f64; 1 + BESIDE]>,
@@ -141,6 +144,7 @@ impl Bank {
             angles: vec![0.0; self.hypotheses.rings() * self.reach],
             newest: 0,
             steer: Steer { common: [0.0; 3], each: vec![[0.0; 3]; count] },
+            misfit: Misfit::new(count),
             yaw: Yaw { common: Default::default(), each: vec![[0.0; BESIDE + 2]; count] },
             before: None,
             known,
@@ -160,6 +164,7 @@ impl Bank {
             && state.newest < self.reach
             && state.best < count
             && state.steer.each.len() == count
+            && state.misfit.len() == count
             && state.yaw.each.len() == count
             && state.log_likelihood.len() == count
     }
@@ -195,6 +200,7 @@ impl Bank {
         }
         if !trusted {
             state.before = None;
+            state.misfit.interrupt();
             return;
         }
         let learned = self.learn_steer(state, measurement.steer) | self.learn_yaw(state, measurement);
@@ -232,6 +238,7 @@ impl Bank {
         let spread = self.spread(|h| self.angle(state, h, 0));
         let share = spread / (spread + STEER_NOISE * STEER_NOISE);
         if share < LEAST_SHARE {
+            state.misfit.interrupt();
             return false;
         }
         let keep = 1.0 - share * (self.sample_time / MEMORY).min(1.0);
@@ -247,6 +254,10 @@ impl Bank {
             *product = *product * keep + share * angle * steer;
         }
         state.steer = sums;
+        let mut misfit = std::mem::take(&mut state.misfit);
+        let angles = self.hypotheses.each.iter().map(|hypothesis| self.angle(state, hypothesis, 0));
+        misfit.observe(steer, angles, [keep, share], self.sample_time);
+        state.misfit = misfit;
         true
     }
 
@@ -296,16 +307,9 @@ impl Bank {
             let count = independent * weight;
             -0.5 * (count + PRIOR_SAMPLES) * (PRIOR_SAMPLES * noise * noise + count * variance).ln()
         };
-        let [weight, sum, square] = state.steer.common;
         let mut value = 0.0;
-        if weight > 0.0 {
-            let [of_angle, of_square, product] = state.steer.each[k];
-            let mean = sum / weight;
-            let whole = (square / weight - mean * mean).max(0.0);
-            let own = (of_square / weight - (of_angle / weight).powi(2)).max(0.0);
-            let both = product / weight - mean * of_angle / weight;
-            let explained = if own > TINY { both * both / own } else { 0.0 };
-            value += of((whole - explained).max(0.0), weight, STEER_NOISE);
+        if let Some(fit) = state.steer.fit(k) {
+            value += of(fit.left, state.steer.common[0], STEER_NOISE);
         }
         if let Some(rest) = of_rest {
             value += of(rest.variance(&state.yaw.each[k]), rest.weight, YAW_NOISE);
@@ -347,7 +351,9 @@ impl Bank {
             }
         }
         let [dead_time, time_constant, delay, square] = means.map(|mean| mean / total);
-        let spread = (square - delay * delay).max(0.0).sqrt();
+        let misfit =
+            state.steer.fit(state.best).map_or(0.0, |fit| state.misfit.variance(state.best, fit.gain));
+        let spread = ((square - delay * delay).max(0.0) + misfit).sqrt();
         // A vehicle that has none is not steered as if it had a small one.
         let backlash = if of_gap[0] > 0.5 * total { of_gap[1] / of_gap[0] } else { self.backlash };
         state.known = KnownActuator {
@@ -356,6 +362,30 @@ impl Bank {
             shown: spread <= 0.5 * self.spread_before,
             backlash,
         };
+    }
+}
+
+/// Regression of the measured angle on that of a hypothesis.
+struct SteerFit {
+    gain: f64,
+    /// Mean squared residual.
+    left: f64,
+}
+
+impl Steer {
+    /// The regression on a hypothesis; none without samples.
+    fn fit(&self, k: usize) -> Option<SteerFit> {
+        let [weight, sum, square] = self.common;
+        if weight <= 0.0 {
+            return None;
+        }
+        let [of_angle, of_square, product] = self.each[k];
+        let mean = sum / weight;
+        let whole = (square / weight - mean * mean).max(0.0);
+        let own = (of_square / weight - (of_angle / weight).powi(2)).max(0.0);
+        let both = product / weight - mean * of_angle / weight;
+        let (gain, explained) = if own > TINY { (both / own, both * both / own) } else { (0.0, 0.0) };
+        Some(SteerFit { gain, left: (whole - explained).max(0.0) })
     }
 }
 
