@@ -311,6 +311,30 @@ fn recorded(drive: &SteeringDrive, change: impl Fn(usize, [f64; 2]) -> [f64; 2])
     SteeringLog::by_angle(&log, &|_| 2.7).unwrap()
 }
 
+/// The clock's unit is that in which the vehicle comes as far as its speed says.
+#[test]
+fn the_way_driven_tells_the_unit_of_the_clock() {
+    let rows = 2000;
+    let time: Vec<f64> = (0..rows).map(|row| TS * f64::from(row)).collect();
+    let command = commands(rows as usize, 5, 1.0);
+    for (name, ticks) in [("minutes", 1.0 / 60.0), ("0.1 ms", 1e4), ("days", 1.0 / 86_400.0)] {
+        let columns = [
+            ("time", time.iter().map(|time| ticks * time).collect()),
+            ("steer_cmd", command.clone()),
+            ("steer", measured(&chain(0.06, 0.1), &time, &command, || 0.0)),
+            ("vx", vec![12.0; time.len()]),
+            ("x", time.iter().map(|time| 12.0 * time).collect()),
+            ("y", vec![0.0; time.len()]),
+        ];
+        let columns = columns.map(|(name, values)| (name.to_owned(), values)).into();
+        let log = DriveLog::from_columns(std::path::Path::new("log.csv"), columns).unwrap();
+        let found = SteeringLog::by_angle(&log, &|_| 2.7).unwrap();
+        assert!(found.findings.iter().any(|finding| finding.summary.contains(name)), "{:?}", found.findings);
+        let of = &found.drives[0].time;
+        assert!((of[of.len() - 1] - of[0] - 39.98).abs() < 0.1, "{name}");
+    }
+}
+
 /// A recorder that holds a slow sensor, or that writes each column in rows of its own, takes no time from the dead time.
 #[test]
 fn what_recorders_do_to_the_angle_takes_no_time() {

@@ -158,6 +158,30 @@ fn a_clock_that_is_set_back_parts_the_drive() {
 }
 
 #[test]
+fn a_clock_that_is_set_ahead_leaves_no_gap() {
+    for ahead in [0.12, 0.35, 3.0] {
+        let log = sound().map("time", |row, time| if row < 700 { time } else { time + ahead }).clean();
+        assert_eq!(said(&log, "time", "the clock goes ahead by"), FindingSeverity::Warning);
+        assert!(
+            log.time.len() == sound().clean().time.len() && log.valid[650..750].iter().all(|valid| *valid)
+        );
+    }
+    // Rows that are missing are.
+    let mut table = sound();
+    table.rows.drain(700..720);
+    let log = table.clean();
+    said(&log, "time", "1 gaps");
+    assert!(!log.findings.iter().any(|finding| finding.summary.contains("ahead")));
+}
+
+#[test]
+fn a_clock_that_is_set_back_a_little_parts_the_drive() {
+    let log = sound().map("time", |row, time| if row < 700 { time } else { time - 0.12 }).clean();
+    assert_eq!(said(&log, "time", "jumps back"), FindingSeverity::Warning);
+    assert!(apart(&log, "vx") < 1.0 && log.time.len() >= sound().clean().time.len());
+}
+
+#[test]
 fn other_units_of_time_are_converted() {
     for (factor, word) in [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")] {
         let log = sound().scaled(&["time"], factor).clean();

@@ -9,6 +9,7 @@ use super::clean_log::{
     CleanError, CleanLog, Coarseness, LEAST_LENGTH, STANDING, UnusableLog, is_long_enough,
 };
 use super::clock::{self, Clock};
+use super::clock_steps;
 use super::coarse;
 use super::copied;
 use super::description::describe;
@@ -102,6 +103,15 @@ pub(super) fn check(
     // Without these values even the units may be others.
     let read =
         if impossible.is_empty() { read } else { Read::of(log, commanded, &impossible, &[], steering)? };
+    let mended = with_even_clock(log, &read);
+    let (log, read) = match &mended {
+        Some((mended, finding)) => {
+            let mut read = Read::of(mended, commanded, &impossible, &[], steering)?;
+            read.log.findings.push(finding.clone());
+            (mended, read)
+        }
+        None => (log, read),
+    };
     let read = without_jumps(log, commanded, &impossible, read, steering)?;
     let Read { mut log, file } = read;
     let seams = with_seams(&mut log, &file.drives);
@@ -134,6 +144,31 @@ pub(super) fn check(
     describe(&mut log);
     log.findings.sort_by_key(|finding| std::cmp::Reverse(finding.gravity));
     Ok(Checked { log, file, late, errors })
+}
+
+/// A log whose clock was set ahead in a drive, without that; none where it was not.
+fn with_even_clock(log: &LogColumns, read: &Read) -> Option<(LogColumns, Finding)> {
+    let MendedFile { drives, factors, .. } = &read.file;
+    let steps = clock_steps::find(log, drives, factors);
+    let first = steps.first()?;
+    let stamps = &log["time"];
+    let mut time = stamps.clone();
+    for step in &steps {
+        let drive = drives.iter().find(|drive| drive.rows.contains(&step.row))?;
+        let [first, last] = [drive.rows.iter().min()?, drive.rows.iter().max()?];
+        let later = (*first..=*last).filter(|&row| stamps[row] >= stamps[step.row]);
+        later.for_each(|row| time[row] -= step.ahead / drive.factor);
+    }
+    let words = format!(
+        "the clock goes ahead by {:.2} s before row {}{}, and the vehicle's place does not: it was set in mid-drive; the rows behind it \
+         were taken as much earlier",
+        first.ahead,
+        first.row + 1,
+        if steps.len() > 1 { format!(", and {} times more", steps.len() - 1) } else { String::new() },
+    );
+    let mut mended = log.clone();
+    mended.insert("time", time);
+    Some((mended, Finding::new(FindingSeverity::Warning, Some("time"), words)))
 }
 
 /// A log whose place jumps, as several drives; without its place, if these were too short.

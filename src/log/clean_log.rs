@@ -206,9 +206,10 @@ pub enum CleanError {
     Backwards,
     #[error(
         "{column} is a steering-wheel angle{}: {ratio:.1} times the road-wheel angle that the turns need; divide it by \
-         the steering ratio{} (scripts/import_log.py can)",
+         the steering ratio{} (scripts/import_log.py can){}",
         if *degrees { " in degrees" } else { "" },
-        if *degrees { " and convert it to radians" } else { "" }
+        if *degrees { " and convert it to radians" } else { "" },
+        if *degrees && (*ratio / MILLIRADIANS - 1.0).abs() < 0.1 { ", or it is in milliradians: then divide it by 1000" } else { "" }
     )]
     SteeringWheel { column: &'static str, ratio: f64, degrees: bool },
 }
@@ -220,6 +221,9 @@ impl CleanError {
         matches!(self, Self::NoRows { .. } | Self::TooShort { .. } | Self::ShortDrives { .. })
     }
 }
+
+/// Milliradians in a degree: the steering ratio that they look like.
+const MILLIRADIANS: f64 = 17.453;
 
 /// Words on columns of the opposite sign: one advice for all of a frame.
 fn opposite(columns: &[&str], against: &[&str], tied: bool) -> String {

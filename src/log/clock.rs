@@ -15,7 +15,7 @@ pub(super) const FASTEST: f64 = 100.0;
 /// A longer gap ends a drive, s.
 const LONGEST_GAP: f64 = 10.0;
 /// Number of steps without a row that is a gap.
-const GAP_STEPS: f64 = 2.5;
+pub(super) const GAP_STEPS: f64 = 2.5;
 /// Largest distance of a late stamp from an even clock, in steps: the stamps came late, not the rows.
 const LATE_STEPS: f64 = 1.5;
 /// Spread of even stamps, as a share of a step.
@@ -191,7 +191,10 @@ pub(super) fn drives(stamps: &[f64]) -> Vec<Range<usize>> {
     let mut starts = vec![0];
     let mut latest = f64::NEG_INFINITY;
     for (row, stamp) in stamps.iter().enumerate().filter(|(_, stamp)| stamp.is_finite()) {
-        if *stamp < latest - ANEW * typical && runs_on(&stamps[row..], latest) {
+        let stays_below = || *stamp < latest - ANEW * typical && runs_on(&stamps[row..], latest);
+        let was_set_back =
+            || *stamp < latest - GAP_STEPS * typical && passes(&stamps[row..], latest, typical);
+        if stays_below() || was_set_back() {
             starts.push(row);
             latest = *stamp;
         }
@@ -236,6 +239,13 @@ pub(super) fn none_usable(drives: &[Range<usize>], errors: Vec<CleanError>) -> C
 /// True if the clock stays below its latest stamp for a while.
 fn runs_on(stamps: &[f64], latest: f64) -> bool {
     stamps.iter().filter(|stamp| stamp.is_finite()).take(RUNS_ON).all(|stamp| *stamp < latest)
+}
+
+/// True if the clock goes on evenly up to its latest stamp and beyond: it was set back. Rows that came late end before it.
+fn passes(stamps: &[f64], latest: f64, step: f64) -> bool {
+    let even = |pair: &&[f64]| pair[1] > pair[0] && pair[1] - pair[0] < GAP_STEPS * step;
+    let mut pairs = stamps.windows(2);
+    pairs.by_ref().take_while(even).any(|pair| pair[1] > latest)
 }
 
 /// Units of clocks, s; those of the first four need no evidence but their steps.
@@ -392,6 +402,17 @@ mod tests {
         assert_eq!(drives(&stamps), [0..50, 50..100, 100..150]);
         stamps.swap(70, 71);
         assert_eq!(drives(&stamps), [0..50, 50..100, 100..150]);
+    }
+
+    #[test]
+    fn a_clock_that_is_set_back_a_little_begins_a_drive() {
+        let stamps: Vec<f64> =
+            (0..300).map(|k| 0.02 * f64::from(k) - if k < 150 { 0.0 } else { 0.11 }).collect();
+        assert_eq!(drives(&stamps), [0..150, 150..300]);
+        // Four rows that come late, all at once.
+        let mut stamps: Vec<f64> = (0..300).map(|k| 0.02 * f64::from(k)).collect();
+        stamps[100..114].rotate_left(4);
+        assert_eq!(drives(&stamps), std::iter::once(0..300).collect::<Vec<_>>());
     }
 
     #[test]

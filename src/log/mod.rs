@@ -54,6 +54,7 @@ mod averaged;
 mod clean;
 mod clean_log;
 mod clock;
+mod clock_steps;
 mod coarse;
 mod copied;
 mod description;

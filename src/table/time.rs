@@ -8,8 +8,8 @@ const HALF_DAY: f64 = 43_200.0;
 
 /// Seconds since 1970, whole ones and the fraction, of `2024-05-01T12:00:00.02`, `20240501T120000.02`, or of
 /// `01.05.2024 12:00:00`, or `01-May-2024 12:00:00` as MATLAB writes it. A blank for the `T`, `,` for the point, and `Z`, `UTC` or `+02:00` at the end are known, too.
-/// The time of day alone counts from midnight; `12:00:00:020` has thousandths, `1:05.25` is minutes and seconds. `None`
-/// for anything else: `05/01/2024` is May in one country and January in another.
+/// The time of day alone counts from midnight; `12:00:00:020` has thousandths, `1:05.25` is minutes and seconds, `1 days 00:00:01.5`
+/// or `1 day, 0:00:01.5` a duration of pandas or Python. `None` for anything else: `05/01/2024` is May in one country and January in another.
 ///
 /// ```
 /// use rfl_mpc::table::time::seconds;
@@ -23,6 +23,8 @@ const HALF_DAY: f64 = 43_200.0;
 /// assert_eq!(seconds("00:01:01.25"), Some((61, 0.25)));
 /// assert_eq!(seconds("9:00:01:250"), Some((32_401, 0.25)));
 /// assert_eq!(seconds("1:05.25"), Some((65, 0.25)));
+/// assert_eq!(seconds("1 days 00:00:01.500000"), Some((86_401, 0.5)));
+/// assert_eq!(seconds("1 day, 0:00:01"), Some((86_401, 0.0)));
 /// assert_eq!(seconds("1970_01_02"), None);
 /// ```
 #[must_use]
@@ -30,6 +32,9 @@ pub fn seconds(text: &str) -> Option<(i64, f64)> {
     // Most fields are numbers.
     if !text.contains([':', 'T', 't']) {
         return None;
+    }
+    if let Some((days, time)) = of_duration(text) {
+        return seconds(time).map(|(whole, fraction)| (86_400 * days + whole, fraction));
     }
     let apart = separated(text).or_else(|| in_figures(text));
     let text = apart.as_deref().unwrap_or(text);
@@ -72,6 +77,14 @@ pub fn seconds(text: &str) -> Option<(i64, f64)> {
         (1..=12).contains(&month) && (1..=31).contains(&day) && hour < 25 && minute < 60 && second < 61;
     let whole = 86_400 * days(year, month, day) + 3600 * hour + 60 * minute + second - offset;
     within.then_some((whole, format!("0.{fraction}").parse().ok()?))
+}
+
+/// Days of a duration, and its time within the day.
+fn of_duration(text: &str) -> Option<(i64, &str)> {
+    let (count, rest) = text.split_once(' ')?;
+    let time = ["days ", "day ", "days, ", "day, "].iter().find_map(|unit| rest.strip_prefix(unit))?;
+    let count: u16 = count.parse().ok()?;
+    time.starts_with(|digit: char| digit.is_ascii_digit()).then_some((i64::from(count), time))
 }
 
 /// `20240501T120000.02Z` with the marks between its figures.
