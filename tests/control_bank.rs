@@ -57,11 +57,11 @@ fn without_a_measured_angle_the_yaw_rate_shows_it() {
 
 #[test]
 fn an_actuator_that_rings_is_none_of_the_hypotheses() {
-    // Angle and its rate behind a resonance of 10 rad/s with a damping of 0.2, of which the controller is told.
+    // Angle and its rate behind a resonance of 5 rad/s with a damping of 0.1, of which the controller is told.
     let (mut angle, mut rate) = (0.0, 0.0);
     let mut closed = closed_loop(turns(), 0.0, 0.0).with_fault(move |_, told| {
         for _ in 0..20 {
-            rate += 1e-3 * (100.0 * (told.steer - angle) - 4.0 * rate);
+            rate += 1e-3 * (25.0 * (told.steer - angle) - rate);
             angle += 1e-3 * rate;
         }
         told.steer = angle;

@@ -258,6 +258,7 @@ fn follows_the_controller(set: impl Fn(&mut ControllerParameters)) {
     parameters.mpc.tightening = 1.0;
     // Errors of the sensor are learned in seconds, beyond the loop's bandwidth.
     parameters.observer.yaw_rate_bias = 0.0;
+    parameters.observer.yaw_offset = 0.0;
     set(&mut parameters);
     let road = [0.0, 500.0, 1000.0, 1500.0].map(|x| Sample::at(x, 0.0));
     let road = Arc::new(Path::from_samples(road.to_vec(), Closure::Open).unwrap());

@@ -1,10 +1,12 @@
 //! What nobody has told the controller, and what it finds while driving: a bias of the yaw-rate sensor, a gap of the steering;
 //! and tyres that grip less than ordinary ones, which the vehicle's file tells.
 
-use rfl_mpc::control::ControllerFor;
+use rfl_mpc::control::{ControllerFor, TruckControllerParameters};
 use rfl_mpc::path::{Closure, Path, Sample};
-use rfl_mpc::simulate::{CAR_COLUMNS, ClosedLoop, Outcome, SensorNoise, SimulatedVehicle, TrackingMetrics};
-use rfl_mpc::vehicle::{Car, CarParameters, Effects, builtin};
+use rfl_mpc::simulate::{
+    CAR_COLUMNS, ClosedLoop, Outcome, SensorNoise, SimulatedVehicle, TrackingMetrics, TruckClosedLoop,
+};
+use rfl_mpc::vehicle::{Car, CarParameters, Effects, TruckEffects, builtin, builtin_truck};
 use std::sync::Arc;
 
 /// A motorway: straights of 300 m and bends of 600 m radius to both sides.
@@ -54,6 +56,30 @@ fn a_bias_of_the_yaw_rate_leaves_the_car_on_its_line() {
         );
         let noisy = drive(&mut loop_of(name, effects).with_noise(SensorNoise::TYPICAL, 3));
         assert!(noisy.max < 0.2, "{name}: {noisy:?}");
+    }
+}
+
+#[test]
+fn a_yaw_angle_askew_leaves_car_and_truck_on_their_lines() {
+    let straight = || {
+        let samples = [0.0, 500.0, 1000.0].map(|x| Sample::at(x, 0.0)).to_vec();
+        Arc::new(Path::from_samples(samples, Closure::Open).unwrap())
+    };
+    for offset in [0.01, -0.02, 0.05] {
+        let mut car = loop_of("c_class", Effects::default()).with_fault(move |_, told| told.yaw += offset);
+        let tracking = drive(&mut car);
+        assert!(tracking.max < 0.2 && tracking.mae < 0.03, "{offset}: {tracking:?}");
+
+        let truck = builtin_truck("truck_simulation").unwrap();
+        let mut parameters = TruckControllerParameters::for_truck(&truck);
+        parameters.speed.limit = 25.0;
+        let controller = ControllerFor::new(parameters, straight()).unwrap();
+        let mut closed = TruckClosedLoop::at_start(controller, &truck, &TruckEffects::default(), 0.02)
+            .unwrap()
+            .with_fault(move |_, told| told.yaw += offset);
+        let drive = closed.record(200.0, |_, error| error.abs() < 2.5);
+        assert_eq!(drive.ending.outcome, Outcome::Completed, "{offset}: {}", drive.ending.reason());
+        assert!(drive.tracking().max < 0.3, "{offset}: {:?}", drive.tracking());
     }
 }
 

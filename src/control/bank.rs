@@ -351,8 +351,9 @@ impl Bank {
             }
         }
         let [dead_time, time_constant, delay, square] = means.map(|mean| mean / total);
-        let misfit =
-            state.steer.fit(state.best).map_or(0.0, |fit| state.misfit.variance(state.best, fit.gain));
+        let play = state.steer.common[0] * STEER_NOISE * STEER_NOISE;
+        let misfit = |fit: SteerFit| state.misfit.variance(state.best, fit.gain, play);
+        let misfit = state.steer.fit(state.best).map_or(0.0, misfit);
         let spread = ((square - delay * delay).max(0.0) + misfit).sqrt();
         // A vehicle that has none is not steered as if it had a small one.
         let backlash = if of_gap[0] > 0.5 * total { of_gap[1] / of_gap[0] } else { self.backlash };

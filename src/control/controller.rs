@@ -38,6 +38,7 @@ use super::step::{Measurement, StepError, StepReport};
 use super::tracking_qp::{QpError, QpReport, TrackingQp};
 use super::variant::PredictionModelFor;
 use super::vehicle::{ControlledParameters, ControlledVehicle};
+use super::yaw_sensor::YawSensor;
 use crate::nominal::{ERRORS, ErrorState, LateralVehicle as _, body_change};
 use crate::parameter::OutOfRange;
 use crate::path::{Path, SpeedLimits, SpeedPlan};
@@ -78,6 +79,7 @@ pub struct ControllerState<const S: usize = ERRORS> {
     bank: Option<BankState>,
     guard: GuardState,
     rate_sensor: RateSensor,
+    yaw_sensor: YawSensor,
     /// Trust in the learned model.
     fading: Fading<S>,
     /// Time of the last step, s, where it was given.
@@ -225,6 +227,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             bank: bank.as_ref().map(Bank::state),
             guard: GuardState::default(),
             rate_sensor: RateSensor::new(&parameters.observer),
+            yaw_sensor: YawSensor::new(&parameters.observer),
             fading: Fading::default(),
             time: None,
             host_order: HostOrder::default(),
@@ -326,6 +329,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         if verdict == Judgement::Moved {
             self.forget();
             self.state.rate_sensor.move_to(seen.yaw, &self.parameters.observer);
+            self.state.yaw_sensor.forget_place();
         }
         if !had_lost_rate && self.state.guard.has_lost_rate() {
             // What it was taught is of a sensor that was wrong.
@@ -336,6 +340,7 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         // The report has the errors as measured; what is known of the sensor's is for the control.
         let mut report = self.locate(&seen);
         let measured = seen.yaw_rate;
+        let offset = self.yaw_offset(&seen, bridged, elapsed);
         seen.yaw_rate = self.corrected_rate(&seen, bridged, elapsed);
         let measurement = &seen;
         let far = report.e1.abs() > FAR_E1 || report.e2.abs() > FAR_E2;
@@ -344,7 +349,11 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
         self.command_speed(measurement, far, stops || rolled_back, elapsed, &mut report, begin);
 
         let e2_rate = report.e2_rate + (measurement.yaw_rate - measured);
-        let errors = ErrorState::new(report.e1, report.e1_rate, report.e2, e2_rate);
+        let e2 = report.e2 + offset;
+        let (sin, cos) = e2.sin_cos();
+        let e1_rate =
+            if offset == 0.0 { report.e1_rate } else { measurement.vx * sin + measurement.vy * cos };
+        let errors = ErrorState::new(report.e1, e1_rate, e2, e2_rate);
         let state = G::Vehicle::state(&errors, measurement);
         self.state.history.observe(&state, previous);
         if let (Some(bank), Some(state)) = (&self.bank, &mut self.state.bank) {
@@ -423,6 +432,15 @@ impl<G: ControlledParameters<S>, const S: usize> ControllerFor<G, S> {
             return seen.yaw_rate;
         }
         sensor.correct((!bridged).then_some(seen.yaw), seen.yaw_rate, elapsed, noise)
+    }
+
+    /// Offset of the yaw angle that the drive has shown, rad.
+    fn yaw_offset(&mut self, seen: &Measurement, bridged: bool, elapsed: f64) -> f64 {
+        let noise = &self.parameters.observer;
+        if noise.yaw_offset == 0.0 {
+            return 0.0;
+        }
+        self.state.yaw_sensor.offset(seen, !bridged, elapsed, noise)
     }
 
     /// Forgets the vehicle's place: the host has moved it. The commands in force stay.

@@ -15,6 +15,8 @@
 //! | `history.rs` | the window of states and commands of a learned residual |
 //! | `observer.rs` | state and disturbance from noisy measurements: offset-free tracking |
 //! | `rate_sensor.rs` | bias and scale of the yaw-rate sensor, by the yaw angle |
+//! | `yaw_sensor.rs` | offset of the yaw angle, by the place |
+//! | `sensor_filter.rs` | the filter of both |
 //! | `preview.rs` | the road over the horizon |
 //! | `reference.rs` | states and steering of following the road |
 //! | `lateral.rs` | the MPC: road ahead, cost, bounds |
@@ -59,6 +61,7 @@ mod preview;
 mod rate_sensor;
 mod reference;
 mod sampler;
+mod sensor_filter;
 mod solve;
 mod speed;
 mod status;
@@ -67,6 +70,7 @@ mod tracking_qp;
 mod truck;
 mod variant;
 mod vehicle;
+mod yaw_sensor;
 
 pub use active_set::ActiveSetSolver;
 pub use bank::{Bank, BankState, KnownActuator, WIDEST_GAP};

@@ -30,6 +30,7 @@ parameters! {
         noise_velocity: f64 = 0.01, METRE_PER_SECOND in 1e-9, 10.0; "observer.noise_velocity", "Noise of the measured velocity (standard deviation)"
         noise_yaw: f64 = 0.0015, RADIAN in 1e-9, 1.0; "observer.noise_yaw", "Noise of the measured yaw angle (standard deviation)"
         noise_yaw_rate: f64 = 0.004, RADIAN_PER_SECOND in 1e-9, 10.0; "observer.noise_yaw_rate", "Noise of the measured yaw rate (standard deviation)"
+        yaw_offset: f64 = 0.02, RADIAN in 0.0, 0.1; "observer.yaw_offset", "Ordinary offset of a yaw angle from the way that the vehicle moves, with that of vy (standard deviation): it is learned against the place while driving, with the place's lateness; 0 takes the angle as it is"
         yaw_rate_bias: f64 = 0.01, RADIAN_PER_SECOND in 0.0, 0.1; "observer.yaw_rate_bias", "Ordinary bias of a yaw-rate sensor (standard deviation): it is learned against the yaw angle while driving, with scale and lateness; 0 takes the rate as it is"
     }
 }

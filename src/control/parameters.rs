@@ -379,6 +379,7 @@ impl<G> ControllerParametersFor<G> {
         let observer = ObserverParameters {
             disturbance_noise: 0.0,
             prediction_noise: 0.05,
+            yaw_offset: 0.0,
             yaw_rate_bias: 0.0,
             ..self.observer
         };

@@ -15,8 +15,9 @@
 //! Source: the filter of attitude and gyroscope bias, Lefferts, Markley and Shuster, Journal of Guidance 1982, for one axis.
 
 use super::observer::ObserverParameters;
+use super::sensor_filter::SensorFilter;
 use crate::path::wrap_angle;
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
 /// States: angle, bias, scale, lateness.
@@ -28,8 +29,6 @@ const LATENESS: f64 = 0.03;
 /// Wandering in a second: of the bias, rad/s (ten degrees an hour over 100 s), and of the others, which nearly rest.
 const BIAS_WANDERS: f64 = 1e-5;
 const REST_WANDERS: f64 = 1e-4;
-/// Width of the gate, in standard deviations: beyond it the angle has jumped, and tells nothing of the rate.
-const GATE: f64 = 6.0;
 /// Longest time for which a living sensor's rate rests to the bit, s.
 const LONGEST_REST: f64 = 0.2;
 /// Largest bias, rad/s, and scale that are believed.
@@ -39,8 +38,7 @@ const LARGEST_SCALE: f64 = 0.2;
 /// What is known of the yaw-rate sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct RateSensor {
-    mean: SVector<f64, STATES>,
-    covariance: SMatrix<f64, STATES, STATES>,
+    filter: SensorFilter<STATES>,
     /// The rate of the step before, rad/s; none before the first step.
     before: Option<f64>,
     /// Time for which it has rested, s.
@@ -52,12 +50,7 @@ impl RateSensor {
     pub fn new(parameters: &ObserverParameters) -> Self {
         let square = |deviation: f64| deviation * deviation;
         let variances = [0.0, square(parameters.yaw_rate_bias), square(SCALE), square(LATENESS)];
-        Self {
-            mean: SVector::zeros(),
-            covariance: SMatrix::from_diagonal(&SVector::from(variances)),
-            before: None,
-            rested: 0.0,
-        }
+        Self { filter: SensorFilter::new(variances), before: None, rested: 0.0 }
     }
 
     /// Takes the measured yaw, rad, if it is new, and rate, rad/s, so many seconds after the last; gives the corrected rate.
@@ -83,11 +76,11 @@ impl RateSensor {
         if rests {
             self.rested = rested;
         }
-        if !self.is_sound() {
+        if !self.filter.is_sound() {
             *self = Self::new(noise);
         }
-        let bias = self.mean[1].clamp(-LARGEST_BIAS, LARGEST_BIAS);
-        let scale = self.mean[2].clamp(-LARGEST_SCALE, LARGEST_SCALE);
+        let bias = self.filter.mean[1].clamp(-LARGEST_BIAS, LARGEST_BIAS);
+        let scale = self.filter.mean[2].clamp(-LARGEST_SCALE, LARGEST_SCALE);
         (1.0 - scale) * rate - bias
     }
 
@@ -99,44 +92,26 @@ impl RateSensor {
     }
 
     fn begin(&mut self, yaw: f64, noise: &ObserverParameters) {
-        self.mean[ANGLE] = yaw;
-        self.covariance.row_mut(ANGLE).fill(0.0);
-        self.covariance.column_mut(ANGLE).fill(0.0);
-        self.covariance[(ANGLE, ANGLE)] = noise.noise_yaw * noise.noise_yaw;
+        self.filter.begin(yaw, noise.noise_yaw * noise.noise_yaw);
     }
 
     fn predict(&mut self, rate: f64, elapsed: f64, noise: &ObserverParameters) {
-        self.mean[ANGLE] += ((1.0 - self.mean[2]) * rate - self.mean[1]) * elapsed;
-        let mut by = SMatrix::<f64, STATES, STATES>::identity();
-        (by[(ANGLE, 1)], by[(ANGLE, 2)]) = (-elapsed, -rate * elapsed);
-        self.covariance = by * self.covariance * by.transpose();
+        let mean = &self.filter.mean;
+        let turned = ((1.0 - mean[2]) * rate - mean[1]) * elapsed;
+        let by = SVector::<f64, STATES>::from([0.0, -elapsed, -rate * elapsed, 0.0]);
         let missed = noise.noise_yaw_rate * elapsed;
-        self.covariance[(ANGLE, ANGLE)] += missed * missed;
-        for (i, wanders) in [BIAS_WANDERS, REST_WANDERS, REST_WANDERS].into_iter().enumerate() {
-            self.covariance[(i + 1, i + 1)] += wanders * wanders * elapsed;
-        }
+        let [bias, rest] = [BIAS_WANDERS, REST_WANDERS].map(|wanders| wanders * wanders * elapsed);
+        self.filter.predict(turned, by, [missed * missed, bias, rest, rest]);
     }
 
     fn observe(&mut self, yaw: f64, rate: f64, noise: &ObserverParameters) {
         let seen = SVector::<f64, STATES>::from([1.0, 0.0, 0.0, -rate]);
-        let off = wrap_angle(yaw - seen.dot(&self.mean));
-        let column = self.covariance * seen;
-        let variance = seen.dot(&column) + noise.noise_yaw * noise.noise_yaw;
-        if off * off > GATE * GATE * variance {
+        let off = wrap_angle(yaw - seen.dot(&self.filter.mean));
+        if self.filter.update(&seen, off, noise.noise_yaw * noise.noise_yaw) {
+            self.filter.mean[ANGLE] = wrap_angle(self.filter.mean[ANGLE]);
+        } else {
             self.begin(yaw, noise);
-            return;
         }
-        let gain = column / variance;
-        self.mean += gain * off;
-        self.mean[ANGLE] = wrap_angle(self.mean[ANGLE]);
-        let updated = self.covariance - gain * column.transpose();
-        self.covariance = (updated + updated.transpose()) * 0.5;
-    }
-
-    /// False once numbers have outgrown the arithmetic, as those of a damaged saved state may.
-    fn is_sound(&self) -> bool {
-        let variances = self.covariance.diagonal();
-        self.mean.iter().chain(&self.covariance).all(|number| number.is_finite()) && variances.min() >= 0.0
     }
 }
 
@@ -176,7 +151,7 @@ mod tests {
     #[test]
     fn a_sound_sensor_is_left_alone() {
         let (off, sensor) = drive(0.0, 0.0, 0, 0.0, 1);
-        assert!(off < 2e-4, "{off} {}", sensor.mean);
+        assert!(off < 2e-4, "{off} {}", sensor.filter.mean);
         assert!(drive(0.0, 0.0, 0, 1.0, 1).0 < 4e-4);
     }
 
@@ -185,7 +160,7 @@ mod tests {
         for (bias, scale) in [(0.01, 0.0), (-0.02, 0.0), (0.0, 0.05), (0.005, -0.04)] {
             for (late, noise, every) in [(0, 0.0, 1), (0, 1.0, 1), (5, 1.0, 1), (0, 1.0, 5)] {
                 let (off, sensor) = drive(bias, scale, late, noise, every);
-                assert!(off < 1e-3, "{bias} {scale} {late} {noise} {every}: {off} {}", sensor.mean);
+                assert!(off < 1e-3, "{bias} {scale} {late} {noise} {every}: {off} {}", sensor.filter.mean);
             }
         }
     }
@@ -211,14 +186,14 @@ mod tests {
                 sensor.correct(Some(wrap_angle(0.1 * STEP * f64::from(k))), 0.0, STEP, &parameters);
             assert!(corrected.abs() < 5e-3, "{k}: {corrected}");
         }
-        assert!(sensor.mean[1].abs() < 5e-3, "{}", sensor.mean);
+        assert!(sensor.filter.mean[1].abs() < 5e-3, "{}", sensor.filter.mean);
     }
 
     #[test]
     fn a_jump_of_the_angle_is_none_of_the_rate() {
         let parameters = ObserverParameters::default();
         let (_, mut sensor) = drive(0.0, 0.0, 0, 0.0, 1);
-        let before = sensor.correct(Some(sensor.mean[0]), 0.0, STEP, &parameters);
+        let before = sensor.correct(Some(sensor.filter.mean[0]), 0.0, STEP, &parameters);
         for _ in 0..50 {
             let after = sensor.correct(Some(1.0), 0.0, STEP, &parameters);
             assert!((after - before).abs() < 1e-4, "{before} {after}");

@@ -4,10 +4,10 @@
 //! not, and leaves a residual `e` that lasts, while a sensor's noise does not. Both behind a high pass at the loop's bandwidth `w`,
 //!
 //! ```text
-//! misfit^2 = sum e_k e_{k-1} / (w^2 sum (g delta_k)^2),      e = steer - g delta
+//! misfit^2 = sum (e_k e_{k-1} - (g s)^2) / (w^2 sum (g delta_k)^2),      e = steer - g delta
 //! ```
 //!
-//! is the residual's share of the angle, which is an error of phase there, over the bandwidth: a dead time that would err as much.
+//! with the play `s` of an ordinary linkage, is the residual's share of the angle, which is an error of phase there, over the bandwidth: a dead time that would err as much.
 //! An error of the gain in slow bends passes as little as they do.
 
 use super::regression::TINY;
@@ -94,10 +94,11 @@ impl Misfit {
         self.runs = false;
     }
 
-    /// The misfit of a hypothesis with the sensor's gain as a variance of the dead time, s2.
-    pub fn variance(&self, k: usize, gain: f64) -> f64 {
+    /// The misfit of a hypothesis with the sensor's gain as a variance of the dead time, s2. `play` is the sum of the ordinary
+    /// play's squares.
+    pub fn variance(&self, k: usize, gain: f64, play: f64) -> f64 {
         let MisfitSums { own, both, square, .. } = self.each[k];
-        let products = self.own - gain * both + gain * gain * own;
+        let products = self.own - gain * both + gain * gain * (own - play);
         let squares = BANDWIDTH * BANDWIDTH * gain * gain * square;
         if squares > TINY { products.max(0.0) / squares } else { 0.0 }
     }
@@ -112,12 +113,12 @@ mod tests {
         let mut misfit = Misfit::new(1);
         let mut random = Random::new(1);
         let angle = |time: f64| 0.02 * (BANDWIDTH * time).sin();
-        for k in 0..1000 {
+        for k in 0..20_000 {
             let time = 0.02 * f64::from(k);
             let steer = measured(time, 2.0 * random.uniform() - 1.0);
-            misfit.observe(steer, [angle(time)].into_iter(), [0.999, 1.0], 0.02);
+            misfit.observe(steer, [angle(time)].into_iter(), [1.0, 1.0], 0.02);
         }
-        misfit.variance(0, 1.0).sqrt()
+        misfit.variance(0, 1.0, 0.0).sqrt()
     }
 
     #[test]
