@@ -33,7 +33,7 @@ mod regression;
 pub use self::hypothesis::WIDEST_GAP;
 pub(super) use self::hypothesis::slowest;
 use self::hypothesis::{ActuatorHypothesis, Hypotheses};
-use self::misfit::Misfit;
+use self::misfit::ActuatorMisfit;
 use self::regression::{BESIDE, Rest, TINY};
 use super::step::Measurement;
 use crate::nominal::{Actuator, DeadTimeModel};
@@ -93,7 +93,7 @@ pub struct BankState {
     /// Place of the newest.
     newest: usize,
     steer: Steer,
-    misfit: Misfit,
+    misfit: ActuatorMisfit,
     yaw: Yaw,
     /// Motion of the step before.
     before: Option<[f64; 1 + BESIDE]>,
@@ -144,7 +144,7 @@ impl Bank {
             angles: vec![0.0; self.hypotheses.rings() * self.reach],
             newest: 0,
             steer: Steer { common: [0.0; 3], each: vec![[0.0; 3]; count] },
-            misfit: Misfit::new(count),
+            misfit: ActuatorMisfit::new(count),
             yaw: Yaw { common: Default::default(), each: vec![[0.0; BESIDE + 2]; count] },
             before: None,
             known,

@@ -35,7 +35,7 @@ const LONGEST_REST: f64 = 0.2;
 pub(super) const LARGEST_BIAS: f64 = 0.1;
 const LARGEST_SCALE: f64 = 0.2;
 
-/// What is known of the yaw-rate sensor.
+/// The yaw-rate sensor, as far as it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct RateSensor {
     filter: SensorFilter<STATES>,

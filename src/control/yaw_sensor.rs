@@ -33,7 +33,7 @@ const LARGEST: f64 = 0.1;
 const JUDGED: f64 = 1.0;
 const NOISIEST: f64 = 1000.0;
 
-/// What is known of the yaw angle.
+/// The yaw angle, as far as it is known.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct YawSensor {
     filter: SensorFilter<STATES>,
@@ -46,7 +46,7 @@ pub(super) struct YawSensor {
 }
 
 impl YawSensor {
-    /// Nothing is known yet.
+    /// A sensor of which nothing is known yet.
     pub fn new(parameters: &ObserverParameters) -> Self {
         let square = |deviation: f64| deviation * deviation;
         Self {

@@ -22,7 +22,7 @@ const BESIDE: usize = 5;
 pub(super) struct ClockStep {
     /// Row of the file before which it was set.
     pub row: usize,
-    /// How far ahead, s.
+    /// Time by which it was set ahead, s.
     pub ahead: f64,
 }
 

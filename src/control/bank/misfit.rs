@@ -18,7 +18,7 @@ const BANDWIDTH: f64 = 3.0;
 
 /// High pass of the measured angle and of each hypothesis' angle, and their sums.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub(super) struct Misfit {
+pub(super) struct ActuatorMisfit {
     /// True once the high passes have a value to go on from.
     runs: bool,
     steer: Passed,
@@ -58,7 +58,7 @@ impl Passed {
     }
 }
 
-impl Misfit {
+impl ActuatorMisfit {
     /// Sums of so many hypotheses, before the first step.
     pub fn new(count: usize) -> Self {
         Self { each: vec![MisfitSums::default(); count], ..Self::default() }
@@ -89,7 +89,7 @@ impl Misfit {
         self.runs = true;
     }
 
-    /// What follows does not follow this.
+    /// The next sample does not follow the last.
     pub fn interrupt(&mut self) {
         self.runs = false;
     }
@@ -110,7 +110,7 @@ mod tests {
     use crate::numerics::Random;
 
     fn misfit(measured: impl Fn(f64, f64) -> f64) -> f64 {
-        let mut misfit = Misfit::new(1);
+        let mut misfit = ActuatorMisfit::new(1);
         let mut random = Random::new(1);
         let angle = |time: f64| 0.02 * (BANDWIDTH * time).sin();
         for k in 0..20_000 {
