@@ -20,8 +20,8 @@
 //! An unconnected sensor has the same residual under each hypothesis and is uninformative.
 //!
 //! The prior is that of the vehicle's file, mixed with ignorance. The controller predicts with the mean of the hypotheses, and
-//! is the calmer the wider they spread and the less the best one fits. A gap that is more probable than none is taken up: without hypotheses of a gap a
-//! vehicle that has one seems to have a dead time, and a calm controller weaves through the gap.
+//! is the calmer the wider they spread and the less the best one fits. A gap that is more probable than none is taken up:
+//! without hypotheses of a gap a vehicle that has one seems to have a dead time, and a calm controller weaves through the gap.
 //!
 //! Source: multiple-model estimation, Magill 1965; Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking
 //! and Navigation, 2001, ch. 11.6; the integrated likelihood: Gelman and others, Bayesian Data Analysis, ch. 14.
@@ -247,17 +247,17 @@ impl Bank {
         *weight = *weight * keep + share;
         *sum = *sum * keep + share * steer;
         *square = *square * keep + share * steer * steer;
-        for (hypothesis, [sum, square, product]) in self.hypotheses.each.iter().zip(&mut sums.each) {
+        let mut misfit = std::mem::take(&mut state.misfit);
+        let each = self.hypotheses.each.iter().zip(&mut sums.each);
+        let angles = each.map(|(hypothesis, [sum, square, product])| {
             let angle = self.angle(state, hypothesis, 0);
             *sum = *sum * keep + share * angle;
             *square = *square * keep + share * angle * angle;
             *product = *product * keep + share * angle * steer;
-        }
-        state.steer = sums;
-        let mut misfit = std::mem::take(&mut state.misfit);
-        let angles = self.hypotheses.each.iter().map(|hypothesis| self.angle(state, hypothesis, 0));
+            angle
+        });
         misfit.observe(steer, angles, [keep, share], self.sample_time);
-        state.misfit = misfit;
+        (state.steer, state.misfit) = (sums, misfit);
         true
     }
 

@@ -349,7 +349,7 @@ fn read_drives(
     jumps: &[Jump],
     findings: &mut Vec<Finding>,
 ) -> Result<Vec<Clock>, CleanError> {
-    let way = way_factor(stamps, columns);
+    let way = agreement::way_factor_of(stamps, |name| columns.get(name).map(Vec::as_slice));
     let by_clock = clock::drives(stamps);
     let spans = divided(&by_clock, jumps);
     let (mut drives, mut errors) = (Vec::new(), Vec::new());
@@ -510,12 +510,6 @@ fn with_seams(log: &mut CleanLog, drives: &[Clock]) -> Vec<usize> {
 
 fn without_seams(log: &mut CleanLog, rows: &[usize]) {
     rows.iter().for_each(|&row| log.valid[row] = true);
-}
-
-/// See [`agreement::way_factor`].
-fn way_factor(stamps: &[f64], columns: &LogColumns) -> Option<f64> {
-    let column = |name: &str| columns.get(name).map(Vec::as_slice);
-    agreement::way_factor(stamps, [column("x")?, column("y")?, column("vx")?])
 }
 
 /// A vehicle that stands tells nothing.

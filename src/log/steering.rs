@@ -4,7 +4,7 @@
 //! start of the clock begins a new drive. The yaw rate goes through a vehicle's model and is taken from the even clock
 //! of [`CleanLog`], with all repairs that are made there.
 
-use super::agreement::{near, steers_early, way_factor};
+use super::agreement::{near, steers_early, way_factor_of};
 use super::averaged;
 use super::clean::leave_out_faults;
 use super::clean_log::{CleanError, CleanLog, STANDING, UnusableLog};
@@ -63,8 +63,7 @@ impl SteeringLog {
         let mut found = Self { findings: log.findings().collect(), ..Self::default() };
         let factors = found.units(log, [command, angle], steering)?;
         let (mut errors, mut stated) = (Vec::new(), Vec::new());
-        let moved = log.column("x").zip(log.column("y")).zip(log.column("vx"));
-        let way = moved.and_then(|((x, y), vx)| way_factor(stamps, [x, y, vx]));
+        let way = way_factor_of(stamps, |name| log.column(name));
         let spans = clock::drives(stamps);
         let name = log.file.display().to_string();
         for span in &spans {

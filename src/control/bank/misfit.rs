@@ -7,8 +7,8 @@
 //! misfit^2 = sum (e_k e_{k-1} - (g s)^2) / (w^2 sum (g delta_k)^2),      e = steer - g delta
 //! ```
 //!
-//! with the play `s` of an ordinary linkage, is the residual's share of the angle, which is an error of phase there, over the bandwidth: a dead time that would err as much.
-//! An error of the gain in slow bends passes as little as they do.
+//! with the play `s` of an ordinary linkage, is the residual's share of the angle, which is an error of phase there, over the
+//! bandwidth: a dead time that would err as much. An error of the gain in slow bends passes as little as they do.
 
 use super::regression::TINY;
 use serde::{Deserialize, Serialize};

@@ -22,5 +22,5 @@ mod signs;
 
 pub(super) use commands::{check_order, leave_out_rests, steers_early};
 pub(super) use convert::{Factors, mend_steering, mend_units};
-pub(super) use ratios::{impossible_yaw_rate, is_yaw_rate_wrong, near, turn_factor, way_factor};
+pub(super) use ratios::{impossible_yaw_rate, is_yaw_rate_wrong, near, turn_factor, way_factor_of};
 pub(super) use signs::{check, check_errors};

@@ -47,7 +47,7 @@ pub(in crate::log) fn turn_factor(time: &[f64], yaw: &[f64], yaw_rate: &[f64]) -
 }
 
 /// Ratio of the way driven to that by speed and clock: the typical row of a moving vehicle.
-pub(in crate::log) fn way_factor(time: &[f64], [x, y, vx]: [&[f64]; 3]) -> Option<f64> {
+fn way_factor(time: &[f64], [x, y, vx]: [&[f64]; 3]) -> Option<f64> {
     let fast = 0.3 * quantile(vx.iter().map(|v| v.abs()).collect(), 0.95)?;
     // Positions are rounded and may come more slowly than rows: over a hundred rows that does not matter. Over a longer time the
     // way is no chord.
@@ -62,10 +62,17 @@ pub(in crate::log) fn way_factor(time: &[f64], [x, y, vx]: [&[f64]; 3]) -> Optio
     median((apart..time.len()).step_by(1 + apart / 4).filter_map(|to| factor(to - apart, to)).collect())
 }
 
-/// [`way_factor`] of a log that has its columns.
+/// [`way_factor`] of a log that has the columns `x`, `y`, `vx`.
+pub(in crate::log) fn way_factor_of<'a>(
+    time: &[f64],
+    column: impl Fn(&'static str) -> Option<&'a [f64]>,
+) -> Option<f64> {
+    way_factor(time, [column("x")?, column("y")?, column("vx")?])
+}
+
+/// The same of a log on its even clock.
 pub(super) fn way(log: &CleanLog) -> Option<f64> {
-    let [x, y, vx] = ["x", "y", "vx"].map(|name| log.columns.get(name));
-    way_factor(&log.time, [x?, y?, vx?])
+    way_factor_of(&log.time, |name| log.columns.get(name).map(Vec::as_slice))
 }
 
 /// True if yaw rate must be in degrees per second: as radians the vehicle would turn impossibly fast.
